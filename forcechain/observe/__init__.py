@@ -1,0 +1,1 @@
+"""Force chains, buckled segments and their averages, from the arrays of a simulation."""

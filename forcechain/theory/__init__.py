@@ -1,0 +1,1 @@
+"""The analytic model of a laterally supported force chain that buckles."""

@@ -1,0 +1,1 @@
+"""Everything that touches the world: running YADE, reading exports, comparing, drawing, reporting."""

@@ -1,0 +1,155 @@
+"""Parameters of a run: names, units, defaults, limits, and the check that every door (study, script, table) uses."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+
+class ParameterError(ValueError):
+    """A parameter that is unknown, of the wrong kind, or outside its limits; the message is one line."""
+
+
+class Parameter(NamedTuple):
+    """One parameter: its default also tells its kind (int, float, str or bool)."""
+
+    name: str
+    default: Any
+    unit: str
+    meaning: str
+    low: float = -math.inf
+    high: float = math.inf
+    low_allowed: bool = True
+    choices: tuple[str, ...] = ()
+
+    def check(self, value: Any) -> Any:
+        """Return `value` as this parameter's kind; ParameterError when it does not fit."""
+        kind = type(self.default)
+        if kind is float and isinstance(value, int) and not isinstance(value, bool):
+            value = float(value)
+        if kind is int and isinstance(value, float) and value.is_integer():
+            value = int(value)
+        if type(value) is not kind:
+            raise ParameterError(f"{self.name}: expected {self.expected()}, found {value!r}")
+        if self.choices and value not in self.choices:
+            raise ParameterError(f"{self.name}: expected {self.expected()}, found {value!r}")
+        if kind in (int, float):
+            too_low = value < self.low or (value == self.low and not self.low_allowed)
+            if too_low or value > self.high or not math.isfinite(value):
+                raise ParameterError(f"{self.name}: expected {self.expected()}, found {value!r}")
+        return value
+
+    def expected(self) -> str:
+        """Describe the admissible values in words."""
+        if self.choices:
+            return "one of " + ", ".join(repr(choice) for choice in self.choices)
+        words = {int: "a whole number", float: "a number", str: "a string", bool: "true or false"}[
+            type(self.default)
+        ]
+        if math.isfinite(self.low):
+            words += f" {'from' if self.low_allowed else 'above'} {self.low:g}"
+        if math.isfinite(self.high):
+            words += f" up to {self.high:g}"
+        return words + (f" [{self.unit}]" if self.unit not in ("", "-") else "")
+
+
+MATERIAL = (
+    Parameter("particle_count", 5098, "-", "number of discs", 10, 10_000_000),
+    Parameter(
+        "size_distribution",
+        "bidisperse",
+        "",
+        "radii: two sizes in equal numbers, or uniform between them",
+        choices=("bidisperse", "uniform"),
+    ),
+    Parameter("smallest_radius", 0.76e-3, "m", "smallest radius", 0, 1, False),
+    Parameter("largest_radius", 1.52e-3, "m", "largest radius", 0, 1, False),
+    Parameter("normal_stiffness", 1.05e5, "N/m", "normal stiffness of every contact", 0, math.inf, False),
+    Parameter("tangential_stiffness_ratio", 0.5, "-", "tangential over normal stiffness", 0, 10, False),
+    Parameter(
+        "rolling_stiffness_ratio", 0.5, "-", "rolling stiffness over normal stiffness and Ra Rb", 0, 10
+    ),
+    Parameter("friction", 0.7, "-", "coefficient of sliding friction between discs", 0, 10),
+    Parameter("rolling_friction", 0.2, "-", "largest moment over (smaller radius x normal force)", 0, 10),
+    Parameter(
+        "density", 2650.0, "kg/m^3", "mass of a disc over the volume of a sphere of its radius", 0, 1e9, False
+    ),
+    Parameter("mass", "true", "", "masses: by size, or every disc the mean mass", choices=("true", "equal")),
+)
+
+LOADING = (
+    Parameter(
+        "confining_stress", 7.0e2, "N/m", "stress on the side walls, force per length", 0, math.inf, False
+    ),
+    Parameter("inertial_number", 1e-4, "-", "strain rate x sqrt(mean mass/confining stress)", 0, 1, False),
+    Parameter("final_axial_strain", 0.1, "-", "axial strain at which the test ends", 0, 0.9, False),
+    Parameter("damping", 0.2, "-", "local (non-viscous) damping of the discs", 0, 1),
+    Parameter("time_step_factor", 0.3, "-", "time step over sqrt(mass/normal stiffness)", 0, 2, False),
+)
+
+SAMPLING = (
+    Parameter(
+        "snapshot_strain_interval", 2.5e-4, "-", "axial strain from one snapshot to the next", 0, 1, False
+    ),
+    Parameter(
+        "history_strain_interval", 1e-4, "-", "axial strain from one history row to the next", 0, 1, False
+    ),
+)
+
+SEED = (Parameter("seed", 1, "-", "seed of the packing's random numbers", 0, 2**31 - 1),)
+
+BIAXIAL = MATERIAL + LOADING + SAMPLING + SEED
+
+# One packing serves every run that agrees in these: the rest (friction, rates, sampling) does not reach it.
+PACKING_NAMES = (
+    "particle_count",
+    "size_distribution",
+    "smallest_radius",
+    "largest_radius",
+    "normal_stiffness",
+    "density",
+    "mass",
+    "confining_stress",
+    "seed",
+)
+
+
+def check(given: Mapping[str, Any], table: tuple[Parameter, ...] = BIAXIAL) -> dict[str, Any]:
+    """Return every parameter of `table`, defaults filled in, each value checked.
+
+    Raises ParameterError (one line: name, expected, found, what to do) for an unknown name or an inadmissible value.
+
+    >>> check({"rolling_friction": 0.05})["rolling_friction"]
+    0.05
+    >>> check({"roling_friction": 0.05})
+    Traceback (most recent call last):
+        ...
+    yade_scripts.parameters.ParameterError: unknown parameter 'roling_friction'; did you mean 'rolling_friction'?
+    """
+    known = {parameter.name: parameter for parameter in table}
+    for name in given:
+        if name not in known:
+            close = difflib.get_close_matches(str(name), known, 1)
+            hint = f"did you mean {close[0]!r}?" if close else "known: " + ", ".join(known)
+            raise ParameterError(f"unknown parameter {name!r}; {hint}")
+    values = {name: parameter.check(given.get(name, parameter.default)) for name, parameter in known.items()}
+    if "largest_radius" in values and values["largest_radius"] < values["smallest_radius"]:
+        raise ParameterError(
+            f"largest_radius: expected at least smallest_radius = {values['smallest_radius']:g} m, "
+            f"found {values['largest_radius']:g}"
+        )
+    return values
+
+
+def fingerprint(values: Mapping[str, Any]) -> str:
+    """Eight hexadecimal digits that change with any value.
+
+    >>> fingerprint({"a": 1.0, "b": 2}) == fingerprint({"b": 2, "a": 1.0})
+    True
+    """
+    text = json.dumps(dict(values), sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()[:8]
