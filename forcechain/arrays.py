@@ -14,10 +14,7 @@ BoolArray = NDArray[np.bool_]
 
 def _shape_words(shape: tuple[int | None, ...]) -> str:
     return (
-        "("
-        + ", ".join("any" if size is None else str(size) for size in shape)
-        + ("," if len(shape) == 1 else "")
-        + ")"
+        "(" + ", ".join("any" if size is None else str(size) for size in shape) + ("," if len(shape) == 1 else "") + ")"
     )
 
 

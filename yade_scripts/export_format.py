@@ -72,12 +72,8 @@ SNAPSHOT_INDEX_COLUMNS = (
 HISTORY_COLUMNS = (
     Column("axial_strain", "-", False, "engineering strain along y, compression positive"),
     Column("lateral_strain", "-", False, "engineering strain along x, compression positive"),
-    Column(
-        "axial_stress", "N/m", False, "mean of the bottom and top walls' force over the length they confine"
-    ),
-    Column(
-        "lateral_stress", "N/m", False, "mean of the left and right walls' force over the height they confine"
-    ),
+    Column("axial_stress", "N/m", False, "mean of the bottom and top walls' force over the length they confine"),
+    Column("lateral_stress", "N/m", False, "mean of the left and right walls' force over the height they confine"),
     Column("stress_ratio", "-", False, "(axial - lateral)/(axial + lateral)"),
     Column("solid_fraction", "-", False, "area of the discs over the area between the walls"),
     Column("coordination", "-", False, "contact ends a disc, every disc and wall contact counted"),

@@ -47,9 +47,7 @@ class Parameter(NamedTuple):
         """Describe the admissible values in words."""
         if self.choices:
             return "one of " + ", ".join(repr(choice) for choice in self.choices)
-        words = {int: "a whole number", float: "a number", str: "a string", bool: "true or false"}[
-            type(self.default)
-        ]
+        words = {int: "a whole number", float: "a number", str: "a string", bool: "true or false"}[type(self.default)]
         if math.isfinite(self.low):
             words += f" {'from' if self.low_allowed else 'above'} {self.low:g}"
         if math.isfinite(self.high):
@@ -70,21 +68,15 @@ MATERIAL = (
     Parameter("largest_radius", 1.52e-3, "m", "largest radius", 0, 1, False),
     Parameter("normal_stiffness", 1.05e5, "N/m", "normal stiffness of every contact", 0, math.inf, False),
     Parameter("tangential_stiffness_ratio", 0.5, "-", "tangential over normal stiffness", 0, 10, False),
-    Parameter(
-        "rolling_stiffness_ratio", 0.5, "-", "rolling stiffness over normal stiffness and Ra Rb", 0, 10
-    ),
+    Parameter("rolling_stiffness_ratio", 0.5, "-", "rolling stiffness over normal stiffness and Ra Rb", 0, 10),
     Parameter("friction", 0.7, "-", "coefficient of sliding friction between discs", 0, 10),
     Parameter("rolling_friction", 0.2, "-", "largest moment over (smaller radius x normal force)", 0, 10),
-    Parameter(
-        "density", 2650.0, "kg/m^3", "mass of a disc over the volume of a sphere of its radius", 0, 1e9, False
-    ),
+    Parameter("density", 2650.0, "kg/m^3", "mass of a disc over the volume of a sphere of its radius", 0, 1e9, False),
     Parameter("mass", "true", "", "masses: by size, or every disc the mean mass", choices=("true", "equal")),
 )
 
 LOADING = (
-    Parameter(
-        "confining_stress", 7.0e2, "N/m", "stress on the side walls, force per length", 0, math.inf, False
-    ),
+    Parameter("confining_stress", 7.0e2, "N/m", "stress on the side walls, force per length", 0, math.inf, False),
     Parameter("inertial_number", 1e-4, "-", "strain rate x sqrt(mean mass/confining stress)", 0, 1, False),
     Parameter("final_axial_strain", 0.1, "-", "axial strain at which the test ends", 0, 0.9, False),
     Parameter("damping", 0.2, "-", "local (non-viscous) damping of the discs", 0, 1),
@@ -92,12 +84,8 @@ LOADING = (
 )
 
 SAMPLING = (
-    Parameter(
-        "snapshot_strain_interval", 2.5e-4, "-", "axial strain from one snapshot to the next", 0, 1, False
-    ),
-    Parameter(
-        "history_strain_interval", 1e-4, "-", "axial strain from one history row to the next", 0, 1, False
-    ),
+    Parameter("snapshot_strain_interval", 2.5e-4, "-", "axial strain from one snapshot to the next", 0, 1, False),
+    Parameter("history_strain_interval", 1e-4, "-", "axial strain from one history row to the next", 0, 1, False),
 )
 
 SEED = (Parameter("seed", 1, "-", "seed of the packing's random numbers", 0, 2**31 - 1),)

@@ -97,9 +97,7 @@ class Snapshot:
             if wrong.any():
                 row = int(np.argmax(wrong))
                 kind = "a particle" if side == 0 else "a particle or a wall"
-                raise ValueError(
-                    f"contacts row {row}: id{side + 1}={ids[row]} is not {kind} ({n_particles} particles)"
-                )
+                raise ValueError(f"contacts row {row}: id{side + 1}={ids[row]} is not {kind} ({n_particles} particles)")
         same = self.contact_ids[:, 0] == self.contact_ids[:, 1]
         if same.any():
             row = int(np.argmax(same))
@@ -122,9 +120,7 @@ class Snapshot:
             values = getattr(self, name)
             if (values < 0).any():
                 row = int(np.argmax(values < 0))
-                raise ValueError(
-                    f"contacts row {row}: expected a {name} of at least 0, found {values[row]:g}"
-                )
+                raise ValueError(f"contacts row {row}: expected a {name} of at least 0, found {values[row]:g}")
         length = np.hypot(self.contact_normal[:, 0], self.contact_normal[:, 1])
         wrong = np.abs(length - 1) > NORMAL_TOLERANCE
         if wrong.any():
