@@ -1,0 +1,117 @@
+"""Pictures of the packing: discs, contact forces, force chains, buckled segments."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import EllipseCollection, LineCollection
+
+from forcechain.arrays import BoolArray, FloatArray, IntArray
+from forcechain.observe.snapshot import Snapshot
+from harness.figure_style import CLASS_COLOURS, STRONG
+
+PLAIN_DISC = {"facecolors": "0.93", "edgecolors": "0.78"}
+CLASS_NAMES = {0: "not classed", 1: "both elastic", 2: "together", 3: "support first", 4: "chain moment first"}
+
+
+def plot_discs(snapshot: Snapshot, *, ax: Axes, members: BoolArray | None = None, colour: str = STRONG) -> Axes:
+    """Draw every disc; those in `members` (n_particles,) filled with `colour`. Axes in millimetres."""
+    if members is None:
+        members = np.zeros(snapshot.n_particles, dtype=bool)
+    for mask, look in ((~members, PLAIN_DISC), (members, {"facecolors": colour, "edgecolors": "white"})):
+        diameter = 2e3 * snapshot.radius[mask]
+        ax.add_collection(
+            EllipseCollection(
+                diameter,
+                diameter,
+                np.zeros(len(diameter)),
+                units="xy",
+                offsets=1e3 * snapshot.position[mask],
+                offset_transform=ax.transData,
+                linewidths=0.3,
+                **look,
+            )
+        )
+    return _frame(snapshot, ax)
+
+
+def plot_forces(snapshot: Snapshot, *, ax: Axes, colour: str = "black", full_width: float = 3.0) -> Axes:
+    """Draw every contact's normal force as a line between the centres, as wide as the force is large.
+
+    `full_width` is the width in points of the 99.5th percentile of the forces.
+    """
+    if snapshot.n_contacts == 0:
+        return _frame(snapshot, ax)
+    first, second = snapshot.contact_ids[:, 0], snapshot.contact_ids[:, 1]
+    end = np.where((second >= 0)[:, None], snapshot.position[np.maximum(second, 0)], snapshot.contact_point)
+    lines = 1e3 * np.stack((snapshot.position[first], end), axis=1)
+    scale = np.percentile(snapshot.normal_force, 99.5)
+    width = full_width * snapshot.normal_force / scale if scale > 0 else np.zeros(snapshot.n_contacts)
+    ax.add_collection(LineCollection(list(lines), linewidths=width, colors=colour, capstyle="round"))
+    return _frame(snapshot, ax)
+
+
+def plot_segments(snapshot: Snapshot, segments: IntArray, classes: IntArray, *, ax: Axes) -> Axes:
+    """Draw three-particle segments (n_segments, 3) as bent lines with their discs, coloured by class (0: none)."""
+    for number, name in CLASS_NAMES.items():
+        of_class = segments[classes == number]
+        if len(of_class) == 0:
+            continue
+        colour = CLASS_COLOURS.get(number, "0.4")
+        members = np.unique(of_class)
+        diameter = 2e3 * snapshot.radius[members]
+        ax.add_collection(
+            EllipseCollection(
+                diameter,
+                diameter,
+                np.zeros(len(diameter)),
+                units="xy",
+                offsets=1e3 * snapshot.position[members],
+                offset_transform=ax.transData,
+                facecolors=colour,
+                edgecolors="white",
+                linewidths=0.3,
+                alpha=0.75,
+            )
+        )
+        lines = list(1e3 * snapshot.position[of_class])
+        ax.add_collection(LineCollection(lines, linewidths=1.6, colors="black", capstyle="round"))
+        ax.plot([], [], "o", color=colour, markersize=6, label=f"{name} ({len(of_class)})")
+    return _frame(snapshot, ax)
+
+
+def plot_filters(
+    snapshot: Snapshot,
+    in_chain: BoolArray,
+    lost_energy: BoolArray,
+    segments: IntArray,
+    classes: IntArray,
+    *,
+    axes: tuple[Axes, Axes, Axes],
+) -> tuple[Axes, Axes, Axes]:
+    """Draw the three successive filters side by side, as the paper's Fig. 1 does.
+
+    (a) particles in force chains, (b) those of them that lost potential energy over the drop, (c) buckled segments.
+    """
+    stored = in_chain & lost_energy
+    plot_discs(snapshot, ax=axes[0], members=in_chain)
+    axes[0].set_title(f"(a) in force chains: {int(in_chain.sum())} of {snapshot.n_particles} discs")
+    plot_discs(snapshot, ax=axes[1], members=stored)
+    axes[1].set_title(f"(b) of these, lost potential energy: {int(stored.sum())}")
+    plot_discs(snapshot, ax=axes[2])
+    plot_segments(snapshot, segments, classes, ax=axes[2])
+    axes[2].set_title(f"(c) buckled segments: {len(segments)}")
+    return axes
+
+
+def _frame(snapshot: Snapshot, ax: Axes) -> Axes:
+    reach: FloatArray = snapshot.radius[:, None]
+    low = 1e3 * (snapshot.position - reach).min(axis=0)
+    high = 1e3 * (snapshot.position + reach).max(axis=0)
+    margin = 0.01 * float((high - low).max())
+    ax.set_xlim(low[0] - margin, high[0] + margin)
+    ax.set_ylim(low[1] - margin, high[1] + margin)
+    ax.set_aspect("equal")
+    ax.set_xlabel("x [mm]")
+    ax.set_ylabel("y [mm]")
+    return ax
