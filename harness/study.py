@@ -1,0 +1,242 @@
+"""Study files (TOML): what to run, checked to the last name before anything starts."""
+
+from __future__ import annotations
+
+import difflib
+import itertools
+import re
+import tomllib
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from harness.errors import InputError
+from yade_scripts import parameters as run_parameters
+
+STUDY_COPY = "study.toml"
+RUNS = "runs"
+PACKINGS = "packings"
+BIAXIAL = "biaxial"
+MOST_RUNS = 100_000  # a grid past this is a slip of the pen
+SHORT_NAMES = {
+    "rolling_friction": "mu_r",
+    "friction": "mu",
+    "particle_count": "n",
+    "confining_stress": "p",
+    "normal_stiffness": "kn",
+    "tangential_stiffness_ratio": "kt",
+    "rolling_stiffness_ratio": "kr",
+    "inertial_number": "I",
+    "size_distribution": "",
+}
+Scalar = bool | int | float | str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunSettings:
+    """How to run and when to call a run valid; the table [run] of a study file.
+
+    Attributes:
+        jobs: runs side by side; None: one a core.
+        time_limit_s: a run that takes longer is stopped and counts as failed [s]; None: no limit.
+        retries: how often a failed run is tried again within one `forcechain run`.
+        servo_bound: largest admissible departure of the confining stress from its target, as a part of it.
+        unbalanced_force_bound: largest admissible mean resultant force on a disc over the mean contact force.
+        overlap_bound: largest admissible overlap over the smaller radius.
+        solid_fraction_low, solid_fraction_high: admissible solid fraction of the preparation.
+    """
+
+    jobs: int | None = None
+    time_limit_s: float | None = None
+    retries: int = 0
+    servo_bound: float = 0.02
+    unbalanced_force_bound: float = 0.05
+    overlap_bound: float = 0.5
+    solid_fraction_low: float = 0.83
+    solid_fraction_high: float = 0.87
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedRun:
+    """One run of a study: its id and every parameter it has, defaults included."""
+
+    run_id: str
+    parameters: Mapping[str, Scalar]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Study:
+    """A study: a script, its parameters, the grid of those that vary, seeds, and the options of later steps.
+
+    Attributes:
+        name: also the name of its folder of results.
+        script: "biaxial", or the absolute path of a script of the user's own (in a run's id, its name counts).
+        seeds: one run for each, at every point of the grid.
+        parameters: those that do not vary.
+        grid: name to values; every combination is run.
+        run: how to run.
+        analysis, compare: options as the file has them; the steps that take them check them.
+        source: the file it was read from.
+    """
+
+    name: str
+    script: str
+    seeds: tuple[int, ...]
+    parameters: Mapping[str, Scalar]
+    grid: Mapping[str, tuple[Scalar, ...]]
+    run: RunSettings
+    analysis: Mapping[str, Any]
+    compare: Mapping[str, Any]
+    source: Path
+
+    def planned_runs(self) -> tuple[PlannedRun, ...]:
+        """Return every run of the study, grid outermost, seeds innermost. InputError when two would be the same."""
+        planned = []
+        for values in itertools.product(*self.grid.values()):
+            varied = dict(zip(self.grid, values, strict=True))
+            for seed in self.seeds:
+                given = {**self.parameters, **varied, "seed": seed}
+                complete = _checked_parameters(given, self.script, self.source)
+                identity = complete if self.script == BIAXIAL else {**complete, "script": Path(self.script).name}
+                planned.append(
+                    PlannedRun(
+                        run_id="-".join(
+                            [_readable(name, value) for name, value in varied.items()]
+                            + [f"seed{seed}", run_parameters.fingerprint(identity)]
+                        ),
+                        parameters=MappingProxyType(complete),
+                    )
+                )
+        run_id, n_runs = Counter(run.run_id for run in planned).most_common(1)[0]
+        if n_runs > 1:
+            raise InputError(f"{self.source}: two runs have the same parameters ({run_id}); name every value once")
+        return tuple(planned)
+
+
+def read_study(path: Path, *, script_needed: bool = True) -> Study:
+    """Read and check the study file `path`; a script of the user's own has to be there only where it is needed.
+
+    InputError in one line (file, name, expected, found, what to do) for an unknown key or parameter, a value of the
+    wrong kind or outside its limits.
+    """
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such study file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read: {error}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: not TOML: {error}") from None
+    known = {"name", "script", "seeds", "parameters", "grid", "analysis", "run", "compare"}
+    _refuse_unknown(content, known, path, "")
+    tables = {}
+    for name in ("parameters", "grid", "analysis", "run", "compare"):
+        tables[name] = content.get(name, {})
+        if not isinstance(tables[name], dict):
+            raise InputError(f"{path}: {name}: expected a table [{name}], found {tables[name]!r}")
+    name = content.get("name", path.stem)
+    if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z0-9][\w.-]*", name):
+        raise InputError(f"{path}: name: expected letters, digits, '.', '_' and '-', found {name!r}")
+    study = Study(
+        name=name,
+        script=_script(content.get("script", BIAXIAL), path, script_needed),
+        seeds=_seeds(content.get("seeds", [1]), path),
+        parameters=MappingProxyType(tables["parameters"]),
+        grid=MappingProxyType(_grid(tables["grid"], path)),
+        run=_run_settings(tables["run"], path),
+        analysis=MappingProxyType(tables["analysis"]),
+        compare=MappingProxyType(tables["compare"]),
+        source=path,
+    )
+    for where in ("parameters", "grid"):
+        if "seed" in tables[where]:
+            raise InputError(f"{path}: [{where}] has a seed; list the seeds at the top: seeds = [1, 2]")
+    for twice in tables["parameters"].keys() & tables["grid"].keys():
+        raise InputError(f"{path}: {twice!r} stands in [parameters] and in [grid]; keep one")
+    study.planned_runs()  # checks every parameter of every run
+    return study
+
+
+def study_in(directory: Path) -> Study | None:
+    """Return the study a folder of results belongs to: its own, or that of the study two folders above a run."""
+    for folder in (directory, directory.resolve().parent.parent):
+        if (folder / STUDY_COPY).is_file():
+            return read_study(folder / STUDY_COPY, script_needed=False)
+    return None
+
+
+def _refuse_unknown(given: Mapping[str, Any], known: set[str], path: Path, table: str) -> None:
+    for name in given:
+        if name in known:
+            continue
+        place = f"[{table}] " if table else ""
+        if not table and name in {parameter.name for parameter in run_parameters.BIAXIAL}:
+            hint = "it is a parameter: put it under [parameters] or [grid]"
+        else:
+            close = difflib.get_close_matches(name, known, 1)
+            hint = f"did you mean {close[0]!r}?" if close else "known: " + ", ".join(sorted(known))
+        raise InputError(f"{path}: {place}unknown key {name!r}; {hint}")
+
+
+def _script(value: Any, path: Path, needed: bool) -> str:
+    if value == BIAXIAL:
+        return BIAXIAL
+    if not isinstance(value, str):
+        raise InputError(f"{path}: script: expected {BIAXIAL!r} or the path of a script, found {value!r}")
+    script = (path.parent / value).resolve()
+    if needed and not script.is_file():
+        raise InputError(f"{path}: script: expected {BIAXIAL!r} or the path of a script, found no file {script}")
+    return str(script)
+
+
+def _seeds(value: Any, path: Path) -> tuple[int, ...]:
+    seeds = value if isinstance(value, list) else [value]
+    if not seeds or any(not isinstance(seed, int) or isinstance(seed, bool) or seed < 0 for seed in seeds):
+        raise InputError(f"{path}: seeds: expected whole numbers from 0, as in [1, 2], found {value!r}")
+    return tuple(seeds)
+
+
+def _grid(table: Mapping[str, Any], path: Path) -> dict[str, tuple[Scalar, ...]]:
+    grid = {}
+    n_runs = 1
+    for name, values in table.items():
+        if not isinstance(values, list) or not values:
+            raise InputError(f"{path}: [grid] {name}: expected a list of values, found {values!r}")
+        grid[name] = tuple(values)
+        n_runs *= len(values)
+    if n_runs > MOST_RUNS:
+        raise InputError(f"{path}: [grid] makes {n_runs} combinations; expected at most {MOST_RUNS}")
+    return grid
+
+
+def _run_settings(table: Mapping[str, Any], path: Path) -> RunSettings:
+    _refuse_unknown(table, {item.name for item in fields(RunSettings)}, path, "run")
+    for name, value in table.items():
+        whole = name in ("jobs", "retries")
+        lowest_is_in = name == "retries"
+        good = isinstance(value, int if whole else (int, float)) and not isinstance(value, bool)
+        if not good or value < 0 or (value == 0 and not lowest_is_in) or value != value:
+            kind = "whole number" if whole else "number"
+            limit = "from 0" if lowest_is_in else "above 0"
+            raise InputError(f"{path}: [run] {name}: expected a {kind} {limit}, found {value!r}")
+    return RunSettings(**table)
+
+
+def _checked_parameters(given: Mapping[str, Any], script: str, path: Path) -> dict[str, Scalar]:
+    if script == BIAXIAL:
+        try:
+            return run_parameters.check(given)
+        except run_parameters.ParameterError as error:
+            raise InputError(f"{path}: {error}") from None
+    for name, value in given.items():  # a script of the user's own checks its own parameters
+        if not isinstance(value, bool | int | float | str):
+            raise InputError(f"{path}: {name}: expected a number, a string, true or false, found {value!r}")
+    return dict(given)
+
+
+def _readable(name: str, value: Scalar) -> str:
+    number = f"{value:g}" if isinstance(value, float) else str(value)
+    return re.sub(r"[^\w.+]", "_", f"{SHORT_NAMES.get(name, name)}{number}")
