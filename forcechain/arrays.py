@@ -71,3 +71,12 @@ def freeze(*arrays: NDArray[Any]) -> None:
     """Make arrays read-only, so that a frozen result is frozen to its last number."""
     for array in arrays:
         array.setflags(write=False)
+
+
+def sum_at(index: IntArray, values: FloatArray, size: int) -> FloatArray:
+    """Return the sums (size,) of the `values` (n,) that share an `index` (n,) of 0 to size - 1.
+
+    >>> sum_at(np.array([0, 2, 0]), np.array([1.0, 5.0, 2.0]), 4)
+    array([3., 0., 5., 0.])
+    """
+    return np.bincount(index, weights=values, minlength=size).astype(np.float64, copy=False)
