@@ -78,7 +78,7 @@ def column(angles_deg: Sequence[float], force=10.0, radius=1e-3) -> Snapshot:
 
 
 def random_packing(seed: int, side: int = 12, radius=1e-3) -> Snapshot:
-    """About side x side bidisperse discs, dense, in a box, with broad random forces; some contacts are at their limit."""
+    """About side x side bidisperse discs, dense, in a box, with broad random forces, some at their limits."""
     rng = np.random.default_rng(seed)
     grid = np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2).astype(float)
     grid[:, 0] += 0.5 * (grid[:, 1] % 2)
@@ -157,7 +157,7 @@ def take_contacts(snapshot: Snapshot, rows) -> Snapshot:
 
 
 def turned(snapshot: Snapshot, angle: float, *, reflected=False, scale=1.0, shift=(0.3, -0.2)) -> Snapshot:
-    """Rotate, mirror (x to -x first), move and magnify: lengths by `scale`, forces by `scale` (stiffness in N/m stays)."""
+    """Rotate, mirror (x to -x first), move and magnify: lengths and forces by `scale`, N/m stays."""
     matrix = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     hand = -1.0 if reflected else 1.0
     matrix = matrix @ np.diag([hand, 1.0])
