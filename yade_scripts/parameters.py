@@ -92,15 +92,13 @@ SEED = (Parameter("seed", 1, "-", "seed of the packing's random numbers", 0, 2**
 
 BIAXIAL = MATERIAL + LOADING + SAMPLING + SEED
 
-# One packing serves every run that agrees in these: the rest (friction, rates, sampling) does not reach it.
+# One packing serves every run that agrees in these: the rest (friction, masses, rates, sampling) does not reach it.
 PACKING_NAMES = (
     "particle_count",
     "size_distribution",
     "smallest_radius",
     "largest_radius",
     "normal_stiffness",
-    "density",
-    "mass",
     "confining_stress",
     "seed",
 )

@@ -1,0 +1,135 @@
+"""Four rigid walls around the sample: driven at a given velocity, or free to slide under a given pressure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import NamedTuple
+
+import numpy as np
+
+from yade_scripts import materials
+
+try:
+    import yade
+except ImportError:
+    yade = None
+
+LEFT, RIGHT, BOTTOM, TOP = -1, -2, -3, -4
+# Inward direction of each wall: axis, and the sign of a push on the sample.
+INWARD = {LEFT: (0, 1.0), RIGHT: (0, -1.0), BOTTOM: (1, 1.0), TOP: (1, -1.0)}
+OPPOSITE = {LEFT: RIGHT, RIGHT: LEFT, BOTTOM: TOP, TOP: BOTTOM}
+
+
+class Walls(NamedTuple):
+    """The walls in the simulation.
+
+    Attributes:
+        body: body number in YADE of each wall (-1 left, -2 right, -3 bottom, -4 top).
+        half_thickness: distance from a box's centre to its inner face [m]; thick, or fast discs pass through.
+    """
+
+    body: dict[int, int]
+    half_thickness: float
+
+    @property
+    def numbers(self) -> dict[int, int]:
+        """Wall number in the export of each body number."""
+        return {body: wall for wall, body in self.body.items()}
+
+
+def add_walls(faces: Sequence[float], largest_radius: float, rules: materials.ContactRules) -> Walls:
+    """Put four boxes around the rectangle `faces` = (left, right, bottom, top) [m], at rest."""
+    left, right, bottom, top = (float(face) for face in faces)
+    thick = 10 * largest_radius
+    centre = ((left + right) / 2, (bottom + top) / 2)
+    reach = 2 * max(right - left, top - bottom) + 2 * thick  # long enough to close the corners at any strain
+    material = yade.O.materials.append(materials.wall_material(rules))
+    boxes = {
+        LEFT: ((left - thick, centre[1], 0), (thick, reach, thick)),
+        RIGHT: ((right + thick, centre[1], 0), (thick, reach, thick)),
+        BOTTOM: ((centre[0], bottom - thick, 0), (reach, thick, thick)),
+        TOP: ((centre[0], top + thick, 0), (reach, thick, thick)),
+    }
+    body = {}
+    for wall, (middle, half) in boxes.items():
+        box = yade.utils.box(middle, half, fixed=True, material=material)
+        body[wall] = yade.O.bodies.append(box)
+        yade.O.forces.setPermF(body[wall], (0, 0, 0))  # YADE crashes on reading a permanent force never set
+    return Walls(body, thick)
+
+
+def faces(walls: Walls) -> np.ndarray:
+    """(4,) positions [m] of the inner faces: left, right, bottom, top."""
+    bodies = yade.O.bodies
+    return np.array(
+        [
+            bodies[walls.body[wall]].state.pos[axis] + sign * walls.half_thickness
+            for wall, (axis, sign) in INWARD.items()
+        ]
+    )
+
+
+def extents(walls: Walls) -> tuple[float, float]:
+    """Width and height [m] of the space between the walls."""
+    left, right, bottom, top = faces(walls)
+    return float(right - left), float(top - bottom)
+
+
+def drive(walls: Walls, wall: int, inward_velocity: float) -> None:
+    """Move a wall into the sample at a constant velocity [m/s], whatever the forces on it."""
+    axis, sign = INWARD[wall]
+    velocity = [0.0, 0.0, 0.0]
+    velocity[axis] = sign * inward_velocity
+    state = yade.O.bodies[walls.body[wall]].state
+    state.blockedDOFs = "xyzXYZ"
+    state.vel = velocity
+    yade.O.forces.setPermF(walls.body[wall], (0, 0, 0))
+
+
+def release(walls: Walls, wall: int, mass: float) -> None:
+    """Let a wall of the given mass [kg] slide freely along its normal.
+
+    A free wall under a constant push has no gain to tune and no lag: at any steady velocity the sample's stress is the
+    push itself, and differs from it only by the wall's own inertia while the wall accelerates.
+    """
+    axis, _ = INWARD[wall]
+    state = yade.O.bodies[walls.body[wall]].state
+    state.mass = mass
+    state.blockedDOFs = ("yzXYZ", "xzXYZ")[axis]
+    state.vel = (0, 0, 0)
+
+
+def push(walls: Walls, pressed: Sequence[int], stress: float) -> None:
+    """Press the walls `pressed` on the sample with `stress` [N/m] times the length they confine now."""
+    width, height = extents(walls)
+    for wall in pressed:
+        axis, sign = INWARD[wall]
+        force = [0.0, 0.0, 0.0]
+        force[axis] = sign * stress * (height, width)[axis]
+        yade.O.forces.setPermF(walls.body[wall], force)
+
+
+@contextmanager
+def held(walls: Walls) -> Iterator[None]:
+    """Hold the free walls meanwhile, so that YADE's measures over all free bodies count the discs alone."""
+    states = [yade.O.bodies[body].state for body in walls.body.values()]
+    blocked = [state.blockedDOFs for state in states]
+    try:
+        for state in states:
+            state.blockedDOFs = "xyzXYZ"
+        yield
+    finally:
+        for state, degrees in zip(states, blocked, strict=True):
+            state.blockedDOFs = degrees
+
+
+def stresses(walls: Walls) -> tuple[float, float]:
+    """Lateral (x) and axial (y) stress [N/m], compression positive: mean contact force on opposite walls over length."""
+    width, height = extents(walls)
+    forces = yade.O.forces
+    total = [0.0, 0.0]
+    for wall, (axis, sign) in INWARD.items():
+        body = walls.body[wall]
+        total[axis] -= sign * (forces.f(body)[axis] - forces.permF(body)[axis])
+    return total[0] / (2 * height), total[1] / (2 * width)
