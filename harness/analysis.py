@@ -1,0 +1,200 @@
+"""The analysis of a study: made from its complete and valid runs, kept under `analysis/`, and read back unchanged."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+import forcechain
+from harness import validity
+from harness.analysis_options import describe_options, read_options
+from harness.averages import average, class_shares
+from harness.errors import InputError, RunError
+from harness.exports import Run, read_run, run_folders
+from harness.pipeline import RunAnalysis, analyse_runs, cases_of
+from harness.study import STUDY_COPY, RunSettings, Study, study_in
+from yade_scripts import export_format
+from yade_scripts.run_folder import write, write_json
+
+FOLDER = "analysis"
+OPTIONS = "options.json"  # written last: its presence says that the other files are whole
+LEDGER = "ledger.json"
+TABLES = ("runs", "drops", "segments", "yielding", "chains", "averages", "classes")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Analysis:
+    """Buckling data of a study, as tables.
+
+    Attributes:
+        directory: the study's folder (or that of a single run).
+        name: the study's name.
+        options: every choice of the analysis: value, unit, meaning.
+        runs: one row a run: case, seed, preparation, peak, number of drops.
+        drops: one row a drop of a run.
+        segments: one row a buckled segment and increment.
+        yielding: one row a buckled segment: when its contacts yield, and its class.
+        chains: one row a force chain at the start of a drop.
+        averages: one row a case and increment: count, mean and standard errors of every measure.
+        classes: one row a case and class: count and percentage.
+        ledger: one record a run and drop: what each filter left.
+        left_out: run -> why it was not analysed (invalid, failed or not ended).
+        reused: whether the files were there already, made from the same runs with the same options.
+    """
+
+    directory: Path
+    name: str
+    options: Mapping[str, Mapping[str, Any]]
+    runs: pd.DataFrame
+    drops: pd.DataFrame
+    segments: pd.DataFrame
+    yielding: pd.DataFrame
+    chains: pd.DataFrame
+    averages: pd.DataFrame
+    classes: pd.DataFrame
+    ledger: Sequence[Mapping[str, Any]]
+    left_out: Mapping[str, str]
+    reused: bool
+
+    @property
+    def cases(self) -> list[str]:
+        """Names of the cases: runs that differ by their seed alone are one case."""
+        return list(dict.fromkeys(self.runs["case"]))
+
+    @property
+    def folder(self) -> Path:
+        """Where the tables are."""
+        return self.directory / FOLDER
+
+
+def usable_runs(directory: Path, settings: RunSettings) -> tuple[list[Run], dict[str, str]]:
+    """Return the runs of `directory` that are complete and valid, and why each other one is left out.
+
+    Raises InputError when the directory or a run's tables cannot be read.
+    """
+    runs, left_out = [], {}
+    for folder in run_folders(directory):
+        try:
+            run = read_run(folder)
+        except RunError as error:
+            left_out[folder.name] = str(error)
+            continue
+        fault = None if run.manifest is None else validity.faults(validity.judge(run.manifest, settings))
+        if fault is None:
+            runs.append(run)
+        else:
+            left_out[run.name] = f"run {run.name}: invalid: {fault}"
+    return runs, left_out
+
+
+def missing_runs(study: Study | None, directory: Path) -> dict[str, str]:
+    """Return the planned runs of a study that have no folder yet."""
+    if study is None or not (directory / STUDY_COPY).is_file():
+        return {}
+    there = {folder.name for folder in run_folders(directory)}
+    return {
+        run.run_id: f"run {run.run_id}: not started; forcechain run {study.source} makes it"
+        for run in study.planned_runs()
+        if run.run_id not in there
+    }
+
+
+def analyse(directory: Path, *, jobs: int | None = None) -> Analysis:
+    """Analyse the study or run in `directory`, or read the analysis back if nothing it was made from has changed.
+
+    Raises InputError for input that cannot be used, RunError when no run is left to analyse.
+    """
+    study = study_in(directory)
+    settings = study.run if study is not None else RunSettings()
+    options, intervals = read_options(study.analysis if study else {}, str(study.source if study else directory))
+    runs, left_out = usable_runs(directory, settings)
+    left_out |= missing_runs(study, directory)
+    if not runs:
+        raise RunError(f"{directory}: no complete and valid run to analyse: " + "; ".join(left_out.values()))
+    described = describe_options(options) | _given(intervals)
+    source = _source(runs, described)
+    name = study.name if study is not None else directory.resolve().name
+    folder = directory / FOLDER
+    if _stored_source(folder) == source:
+        return _read(directory, name, described, left_out)
+    found = analyse_runs(list(zip(runs, cases_of(runs), strict=True)), options, intervals, jobs or os.cpu_count() or 1)
+    tables, ledger = _tables(found)
+    (folder / OPTIONS).unlink(missing_ok=True)
+    for table in TABLES:
+        write(folder, f"{table}.csv", tables[table].to_csv(index=False).encode())
+    write_json(folder, LEDGER, list(ledger))
+    write_json(folder, OPTIONS, {"options": described, "package_version": forcechain.__version__, "source": source})
+    return Analysis(
+        directory=directory, name=name, options=described, **tables, ledger=ledger, left_out=left_out, reused=False
+    )
+
+
+def _given(intervals: Sequence[tuple[float, float]] | None) -> dict[str, dict[str, Any]]:
+    if intervals is None:
+        return {}
+    meaning = "axial strains at which the given drops start and end"
+    return {"drops": {"value": [list(pair) for pair in intervals], "unit": "-", "meaning": meaning}}
+
+
+def _source(runs: Sequence[Run], described: Mapping[str, Any]) -> dict[str, str]:
+    """Say what an analysis is made from: package, options, and the state of every run's folder."""
+    source = {"package": forcechain.__version__, "options": _digest(json.dumps(described, sort_keys=True))}
+    for run in runs:
+        manifest = run.folder / export_format.MANIFEST
+        if manifest.exists():  # it vouches for every file of the run
+            source[run.name] = _digest(manifest.read_text(encoding="utf-8"))
+        else:
+            files = sorted(path for path in run.folder.rglob("*") if path.is_file() and FOLDER not in path.parts)
+            stats = [(path.relative_to(run.folder).as_posix(), path.stat()) for path in files]
+            source[run.name] = _digest(str([(name, stat.st_size, stat.st_mtime_ns) for name, stat in stats]))
+    return source
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _stored_source(folder: Path) -> Any:
+    try:
+        stored = json.loads((folder / OPTIONS).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None  # no finished analysis: make it
+    return stored.get("source") if isinstance(stored, dict) else None
+
+
+def _tables(found: Sequence[RunAnalysis]) -> tuple[dict[str, pd.DataFrame], tuple[Any, ...]]:
+    tables = {"runs": pd.DataFrame([analysis.facts for analysis in found])}
+    for name in ("drops", "segments", "yielding", "chains"):
+        parts = [getattr(analysis, name) for analysis in found]
+        filled = [part for part in parts if len(part)]
+        tables[name] = pd.concat(filled, ignore_index=True) if filled else parts[0]
+    tables["averages"] = average(tables["segments"])
+    tables["classes"] = class_shares(tables["yielding"])
+    return tables, tuple(record for analysis in found for record in analysis.ledger)
+
+
+def _read(directory: Path, name: str, described: Mapping[str, Any], left_out: Mapping[str, str]) -> Analysis:
+    folder = directory / FOLDER
+    tables = {}
+    for table in TABLES:
+        path = folder / f"{table}.csv"
+        try:
+            tables[table] = pd.read_csv(path, float_precision="round_trip")
+        except (OSError, ValueError) as error:
+            raise InputError(f"{path}: cannot be read back ({error}); remove {folder} and analyse again") from None
+    try:
+        ledger = json.loads((folder / LEDGER).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"{folder / LEDGER}: cannot be read back ({error}); remove {folder} and analyse again"
+        ) from None
+    return Analysis(
+        directory=directory, name=name, options=described, **tables, ledger=ledger, left_out=left_out, reused=True
+    )
