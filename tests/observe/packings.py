@@ -113,7 +113,7 @@ def with_random_loads(snapshot: Snapshot, rng: np.random.Generator, *, at_limit=
     )
 
 
-def random_window(seed: int, length: int = 5, side: int = 12) -> list[Snapshot]:
+def random_window(seed: int, length: int = 5, side: int = 12, *, at_limit=0.15) -> list[Snapshot]:
     """A packing that moves a little from one snapshot to the next, loads redrawn, contacts lost and found."""
     rng = np.random.default_rng(seed + 1000)
     whole = random_packing(seed, side)
@@ -124,7 +124,7 @@ def random_window(seed: int, length: int = 5, side: int = 12) -> list[Snapshot]:
         kept = np.sort(rng.permutation(whole.n_contacts)[: int(0.95 * whole.n_contacts)])
         moved = _at(whole, position, rotation, 1e-3 * step)
         loaded = replace(moved, normal_force=whole.normal_force * scale)
-        window.append(with_random_loads(take_contacts(loaded, kept), rng))
+        window.append(with_random_loads(take_contacts(loaded, kept), rng, at_limit=at_limit))
         position = position + rng.normal(0, 2e-5, position.shape)
         rotation = rotation + rng.normal(0, 0.02, rotation.shape)
         scale = scale * rng.uniform(0.8, 1.05, len(scale))
