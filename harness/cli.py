@@ -12,7 +12,7 @@ from typing import Protocol, cast
 
 import forcechain
 from harness import commands
-from harness.errors import EXIT_INPUT, HarnessError
+from harness.errors import EXIT_INPUT, HarnessError, Terminated
 
 ORDER = ("doctor", "demo", "run", "status", "analyse", "calibrate", "compare", "check", "approve", "report", "model")
 EXIT_INTERRUPTED = 130  # 128 + SIGINT, as shells have it
@@ -87,6 +87,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except HarnessError as error:
         print(f"forcechain: {_one_line(str(error))}", file=sys.stderr)
         return error.exit_status
+    except Terminated as end:
+        print(f"forcechain: ended by {end}", file=sys.stderr)
+        return end.exit_status
     except KeyboardInterrupt:
         print("forcechain: interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED

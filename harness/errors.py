@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+
 EXIT_GOOD = 0
 EXIT_VERDICT = 1  # a verdict failed
 EXIT_INPUT = 2  # bad input or usage
@@ -22,3 +24,12 @@ class RunError(HarnessError):
     """A run that is invalid, failed or missing."""
 
     exit_status = EXIT_RUN
+
+
+class Terminated(BaseException):
+    """A signal other than Ctrl-C asks the harness to end; not an Exception, so that nothing on the way holds it up."""
+
+    def __init__(self, number: int) -> None:
+        """Keep the exit status that belongs to signal `number`."""
+        super().__init__(signal.Signals(number).name)
+        self.exit_status = 128 + number  # as shells have it

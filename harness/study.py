@@ -45,7 +45,7 @@ class RunSettings:
         retries: how often a failed run is tried again within one `forcechain run`.
         servo_bound: largest admissible departure of the confining stress from its target, as a part of it.
         unbalanced_force_bound: largest admissible mean resultant force on a disc over the mean contact force.
-        overlap_bound: largest admissible overlap over the smaller radius.
+        overlap_bound: largest admissible overlap over the mean radius.
         solid_fraction_low, solid_fraction_high: admissible solid fraction of the preparation.
     """
 

@@ -85,7 +85,7 @@ def write_manifest(folder: Path, given: Mapping[str, Any] | None = None, **chang
         "format": export_format.FORMAT,
         "status": export_format.STATUS_DONE,
         "failure": None,
-        "script": "biaxial",
+        "script": "biaxial.py",
         "parameters": {
             name: {"value": value, "unit": units.get(name, "")} for name, value in parameters.check(given or {}).items()
         },
@@ -100,6 +100,7 @@ def write_manifest(folder: Path, given: Mapping[str, Any] | None = None, **chang
             "overlap_max": 0.05,
             "inertial_number": 1e-4,
             "escaped_discs": 0,
+            "settled": True,
         },
         "products": {"files": files, "history_rows": 3, "snapshots": snapshots},
     }

@@ -1,0 +1,44 @@
+"""`forcechain demo`: the main job, small: a real YADE study, post-processed, compared, reported."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from harness.cli import load
+from harness.commands.run import RESULTS, launch, positive
+from harness.commands.status import exit_status, print_states
+from harness.errors import EXIT_GOOD, InputError
+from harness.study import read_study
+
+HELP = "the main job, small: a real YADE study, post-processed, compared, reported"
+EXAMPLE = "forcechain demo"
+NAME = "demo.toml"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add this command's arguments to `parser`."""
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/demo)")
+    parser.add_argument("--jobs", type=positive, metavar="N", help="runs side by side (default: one a core)")
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Run the command: the exit status of the first step that is not good, or that of the comparison."""
+    study = read_study(study_file())
+    directory = options.out or RESULTS / study.name
+    states = launch(study, directory, options.jobs)
+    print_states(states)
+    status = exit_status(states)
+    if status != EXIT_GOOD:
+        return status
+    later = argparse.Namespace(directory=directory, json=False)
+    return max(load(step).execute(later) for step in ("compare", "report"))
+
+
+def study_file() -> Path:
+    """Return the study file of the demo: in a checkout beside the packages, installed within them."""
+    package = Path(__file__).resolve().parents[1]
+    for folder in (package.parent / "studies", package / "studies"):
+        if (folder / NAME).is_file():
+            return folder / NAME
+    raise InputError(f"{NAME}: the study of the demo is missing from this installation; install forcechain again")

@@ -1,0 +1,74 @@
+"""`forcechain run`: launch what a study still lacks."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+
+from harness.analysis_options import read_options
+from harness.commands.status import exit_status, print_json, print_states
+from harness.display import display_for
+from harness.engines import ENGINES
+from harness.errors import InputError
+from harness.launch import run_study
+from harness.run_state import RunState
+from harness.study import Study, read_study
+from harness.yade_environment import need_yade
+
+HELP = "launch the runs of a study that are not done yet; run it again to resume"
+EXAMPLE = "forcechain run studies/demo.toml --jobs 2"
+RESULTS = Path("results")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add this command's arguments to `parser`."""
+    parser.add_argument("study", type=Path, metavar="STUDY.toml", help="what to run")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/<name>)")
+    parser.add_argument("--jobs", type=positive, metavar="N", help="runs side by side (default: one a core)")
+    parser.add_argument("--engine", choices=list(ENGINES), default="local", help="where they run (%(default)s)")
+    parser.add_argument("--json", action="store_true", help="the state of every run, for machines")
+
+
+def positive(text: str) -> int:
+    """Return `text` as a whole number from 1; argparse reports the ValueError."""
+    number = int(text)
+    if number < 1:
+        raise ValueError
+    return number
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Run the command: exit status 0 when every run is done and valid, else 3."""
+    study = read_study(options.study)
+    directory = options.out or RESULTS / study.name
+    states = launch(study, directory, options.jobs, options.engine)
+    if options.json:
+        print_json(states)
+    else:
+        print_states(states)
+        print(directory)
+    return exit_status(states)
+
+
+def launch(study: Study, directory: Path, jobs: int | None, engine: str = "local") -> tuple[RunState, ...]:
+    """Run `study` into `directory` with a display on standard error, and return the state of all its runs.
+
+    Options of the later steps are checked now: a slip in them shows before hours of running, not after.
+    """
+    read_options(study.analysis, str(study.source))
+    if directory.exists() and not directory.is_dir():
+        raise InputError(f"{directory}: expected a folder for the results, found a file")
+    return run_study(
+        study,
+        directory,
+        yade=need_yade(),
+        engine=ENGINES[engine],
+        jobs=jobs or study.run.jobs or available_cores(),
+        display=display_for(directory),
+    )
+
+
+def available_cores() -> int:
+    """Cores this process may use, which on a shared node can be fewer than the machine has."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,0 +1,251 @@
+"""Run what a study still lacks: packings first, then runs, each judged by its manifest and products alone."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import platform
+import shutil
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+from harness.engines import Engine, Outcome, Task, ending_signals
+from harness.errors import RunError
+from harness.run_state import RunState, State, state_of, states_of_study
+from harness.study import BIAXIAL, PACKINGS, RUNS, STUDY_COPY, PlannedRun, Study
+from harness.yade_environment import Yade
+from yade_scripts import export_format, packing, parameters
+
+SCRIPTS = Path(export_format.__file__).resolve().parent
+FAILED = "failed"  # earlier attempts of runs that were tried again, kept with their logs
+LOCK = ".lock"
+LOG_TAIL = 2000  # bytes
+
+
+class Display(Protocol):
+    """Whoever watches a launch."""
+
+    def begin(self, total: int, complete: int) -> None:
+        """Runs of the study, and how many are complete already."""
+
+    def watch(self, running: Mapping[str, float]) -> None:
+        """Names of the running tasks and their running times [s]; called some times a second."""
+
+    def ended(self, name: str, state: State, reason: str | None, seconds: float) -> None:
+        """One run has ended and has been judged."""
+
+    def close(self) -> None:
+        """Nothing runs any more."""
+
+
+def run_study(
+    study: Study, directory: Path, *, yade: Yade, engine: Engine, jobs: int, display: Display
+) -> tuple[RunState, ...]:
+    """Launch every run of `study` that is not complete in `directory`, and return the state of all.
+
+    Complete runs are left alone. A run without a manifest starts afresh in a clean folder; what a failed attempt left
+    is kept under `failed`. A run that fails does not stop the others. RunError when another harness is at work on the
+    same directory, or when nothing can be written there.
+    """
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        with _locked(directory), ending_signals():
+            _keep_study(study, directory)
+            todo = [
+                run
+                for run, state in zip(
+                    study.planned_runs(), states_of_study(study, directory, thorough=True), strict=True
+                )
+                if state.state not in (State.DONE, State.INVALID)  # an invalid run would come out the same
+            ]
+            display.begin(len(study.planned_runs()), len(study.planned_runs()) - len(todo))
+            try:
+                for _ in range(study.run.retries + 1):
+                    todo = _attempt(study, directory, todo, yade, engine, jobs, display)
+            finally:
+                display.close()
+    except OSError as error:
+        raise RunError(f"{error.filename or directory}: {error.strerror}; make room or choose another --out") from None
+    return states_of_study(study, directory)
+
+
+def _attempt(
+    study: Study,
+    directory: Path,
+    todo: list[PlannedRun],
+    yade: Yade,
+    engine: Engine,
+    jobs: int,
+    display: Display,
+) -> list[PlannedRun]:
+    """Try every run of `todo` once; return those that failed."""
+    for run in todo:
+        _clean(directory, run)
+        folder = directory / RUNS / run.run_id
+        _write(folder / export_format.PARAMETERS, json.dumps(dict(run.parameters), indent=1) + "\n")
+    without_packing: dict[str, str] = {}
+    if study.script == BIAXIAL:
+        without_packing = _make_packings(study, directory, todo, yade, engine, jobs, display)
+    tasks = []
+    failed = []
+    for run in todo:
+        name = packing.file_name(run.parameters) if study.script == BIAXIAL else ""
+        if name in without_packing:
+            reason = f"its packing could not be made: {without_packing[name]}"
+            _record_failure(study, directory / RUNS / run.run_id, run, reason)
+            display.ended(run.run_id, State.FAILED, reason, 0.0)
+            failed.append(run)
+        else:
+            tasks.append(_run_task(study, directory, run, yade))
+    by_id = {run.run_id: run for run in todo}
+    with contextlib.closing(engine(tasks, jobs, display.watch)) as outcomes:
+        for outcome in outcomes:
+            run = by_id[outcome.task.name]
+            state = _judge(study, outcome, run)
+            display.ended(run.run_id, state.state, state.reason, outcome.seconds)
+            if state.state not in (State.DONE, State.INVALID):
+                failed.append(run)
+    return failed
+
+
+def _make_packings(
+    study: Study,
+    directory: Path,
+    todo: list[PlannedRun],
+    yade: Yade,
+    engine: Engine,
+    jobs: int,
+    display: Display,
+) -> dict[str, str]:
+    """Prepare every packing that `todo` needs and that is not there; return those that failed, with the reason."""
+    folder = directory / PACKINGS
+    folder.mkdir(exist_ok=True)
+    tasks: dict[str, Task] = {}
+    for run in todo:
+        name = packing.file_name(run.parameters)
+        if name in tasks or (folder / name).is_file():
+            continue
+        stem = name.removesuffix(".npz")
+        given = _write(folder / f"{stem}.json", json.dumps(dict(run.parameters), indent=1) + "\n")
+        tasks[name] = Task(
+            name=stem,
+            command=yade.invocation(SCRIPTS / "packing.py", [str(given), "--packings", str(folder)]),
+            environment=yade.environment(),
+            folder=folder,
+            log=folder / f"{stem}.log",
+            time_limit_s=study.run.time_limit_s,
+        )
+    failed = {}
+    with contextlib.closing(engine(list(tasks.values()), jobs, display.watch)) as outcomes:
+        for outcome in outcomes:
+            name = f"{outcome.task.name}.npz"
+            if not (folder / name).is_file():
+                failed[name] = _reason(outcome, f"{PACKINGS}/{outcome.task.log.name}")
+    return failed
+
+
+def _run_task(study: Study, directory: Path, run: PlannedRun, yade: Yade) -> Task:
+    folder = directory / RUNS / run.run_id
+    arguments = [str(folder / export_format.PARAMETERS), "--folder", str(folder)]
+    environment = yade.environment()
+    if study.script == BIAXIAL:
+        script = SCRIPTS / "biaxial.py"
+        arguments += ["--packings", str(directory / PACKINGS)]
+    else:
+        script = Path(study.script)
+        # A script of the user's own finds our export; last, so that nothing beside it hides YADE's own packages
+        paths = [environment.get("PYTHONPATH", ""), str(SCRIPTS.parent)]
+        environment["PYTHONPATH"] = os.pathsep.join(path for path in paths if path)
+    return Task(
+        name=run.run_id,
+        command=yade.invocation(script, arguments),
+        environment=environment,
+        folder=folder,
+        log=folder / export_format.LOG,
+        time_limit_s=study.run.time_limit_s,
+    )
+
+
+def _judge(study: Study, outcome: Outcome, run: PlannedRun) -> RunState:
+    """Judge a run that has ended: what it left decides, not how it ended; a run that left no manifest gets one."""
+    folder = outcome.task.folder
+    if outcome.stopped or not (folder / export_format.MANIFEST).exists():
+        _record_failure(study, folder, run, _reason(outcome, export_format.LOG))
+    return state_of(folder, study.run, run, thorough=True)
+
+
+def _reason(outcome: Outcome, log: str) -> str:
+    with contextlib.suppress(OSError):
+        lines = outcome.task.log.read_bytes()[-LOG_TAIL:].decode("utf-8", "replace").split("\n")
+        last = next((line.strip() for line in reversed(lines) if line.strip()), "")
+        if last:
+            return f"{outcome}; the last line of {log}: {last[-200:]}"
+    return f"{outcome}; {log} is empty"
+
+
+def _record_failure(study: Study, folder: Path, run: PlannedRun, reason: str) -> None:
+    units = {parameter.name: parameter.unit for parameter in parameters.BIAXIAL}
+    manifest: dict[str, Any] = {
+        "format": export_format.FORMAT,
+        "status": export_format.STATUS_FAILED,
+        "failure": reason,
+        "script": Path(study.script).name,
+        "parameters": {name: {"value": value, "unit": units.get(name, "")} for name, value in run.parameters.items()},
+        "recorded_by": "harness",
+    }
+    _write(folder / export_format.MANIFEST, json.dumps(manifest, indent=1) + "\n")
+
+
+def _clean(directory: Path, run: PlannedRun) -> None:
+    """Make the run's folder anew; an attempt that ended (its manifest is there) is kept under `failed`."""
+    folder = directory / RUNS / run.run_id
+    if (folder / export_format.MANIFEST).exists():
+        kept = directory / FAILED
+        kept.mkdir(exist_ok=True)
+        number = 1
+        while (kept / f"{run.run_id}.{number}").exists():
+            number += 1
+        folder.rename(kept / f"{run.run_id}.{number}")
+    elif folder.exists():
+        shutil.rmtree(folder)
+    folder.mkdir(parents=True)
+
+
+def _keep_study(study: Study, directory: Path) -> None:
+    """Keep the study with its results, so that later steps know its options."""
+    kept = directory / STUDY_COPY
+    if not kept.exists() or not kept.samefile(study.source):
+        _write(kept, study.source.read_text(encoding="utf-8"))
+
+
+def _write(path: Path, text: str) -> Path:
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        temporary.write_text(text, encoding="utf-8")
+        temporary.replace(path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+    return path
+
+
+@contextlib.contextmanager
+def _locked(directory: Path) -> Iterator[None]:
+    """Keep other harnesses off `directory`. The lock is the kernel's: it goes with its process, however that ends."""
+    with (directory / LOCK).open("a+", encoding="utf-8") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            lock.seek(0)
+            holder = lock.read().strip() or "another process"
+            raise RunError(f"{directory}: {holder} is at work on this study; wait for it, or end it first") from None
+        lock.truncate(0)
+        lock.write(f"process {os.getpid()} on {platform.node()}")
+        lock.flush()
+        try:
+            yield
+        finally:
+            lock.truncate(0)
