@@ -65,11 +65,12 @@ class AnalysisOptions:
     )
     drop_length: float = _number(0.007, "axial strain of a drop", high=1.0, low_allowed=False)
     drop_count: int = _number(3, "number of drops", low=1)
-    drop_prominence: float = _number(0.02, "smallest prominence of a peak of the stress ratio that starts a drop")
-    drop_smoothing: float = _number(0.001, "axial strain over which the stress ratio is averaged to find drops")
-    drop_selection: str = _choice(
-        "first", ("first", "largest"), "the first drops of sufficient prominence, or those that fall most"
+    drop_fall: float = _number(0.02, "smallest fall of the stress ratio over a drop")
+    drop_prominence: float = _number(
+        0.01, "smallest prominence of a drop: its fall above that of the same length moved to either side"
     )
+    drop_smoothing: float = _number(0.001, "axial strain over which the stress ratio is averaged to find drops")
+    drop_selection: str = _choice("first", ("first", "largest"), "the first of the drops, or those that fall most")
     increments: int = _number(28, "equal strain increments of a drop", low=1)
     plastic_tolerance: float = _number(
         1e-9, "a contact is plastic within this distance of its limit, over the limit", high=0.1

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
-from scipy.signal import find_peaks, peak_prominences
+from scipy.signal import find_peaks
 
 from forcechain.arrays import FloatArray, IntArray, float_array
 from forcechain.observe.options import AnalysisOptions
@@ -18,23 +18,23 @@ LENGTH_TOLERANCE = 1e-6  # lengths of given drops may differ by this share, the 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drop:
-    """One drop of the stress ratio over a strain interval.
+    """One drop of the stress ratio over a strain interval; ratios are averaged over the smoothing length.
 
     Attributes:
         start: axial strain A at which it begins.
         end: axial strain B at which it ends.
-        peak: stress ratio at A, averaged over the smoothing length.
-        fall: stress ratio at A less that at B.
-        largest_fall: stress ratio at A less its least value up to B.
-        prominence: height of the peak at A above the higher of the troughs that part it from higher peaks; zero if a
-            given drop does not begin at a peak.
+        peak: largest stress ratio from A to B.
+        peak_strain: axial strain of that.
+        fall: stress ratio at A less that at B; below zero if a given interval is no drop.
+        prominence: by how much the fall exceeds that of the intervals of the same length on the way to a larger fall,
+            on the side where this is less; zero for a given interval that moving it a little would improve.
     """
 
     start: float
     end: float
     peak: float
+    peak_strain: float
     fall: float
-    largest_fall: float
     prominence: float
 
     @property
@@ -65,34 +65,29 @@ def smoothed(axial_strain: FloatArray, stress_ratio: FloatArray, at: FloatArray,
 def find_drops(axial_strain: FloatArray, stress_ratio: FloatArray, options: AnalysisOptions) -> tuple[Drop, ...]:
     """Find the drops of a curve of stress ratio (n_samples,) against axial strain (n_samples,), in order of strain.
 
-    The curve is averaged over `drop_smoothing` and searched for peaks with a prominence of at least `drop_prominence`.
-    A drop begins at its peak and is `drop_length` long; it must end within the curve, lie at least `drop_prominence`
-    below its peak somewhere, and end below it. Drops do not overlap: they are taken one after the other, from the first
-    on or from the largest fall down (`drop_selection`), up to `drop_count`. A curve with fewer gives fewer.
+    A collapse takes less strain than `drop_length`, and the ratio may creep down for a while before it, so a drop does
+    not begin at a peak: it is where an interval of `drop_length` falls most. The fall q(A) - q(A + length) of the curve
+    averaged over `drop_smoothing` has a local maximum there, of at least `drop_fall` and with a prominence of at least
+    `drop_prominence`. Where two such intervals overlap the one that falls more is kept. Of those left, `drop_count` are
+    taken: the first, or those that fall most (`drop_selection`). A curve with fewer gives fewer.
 
     Raises ValueError for arrays that differ in length, strains that do not increase, or a curve shorter than a drop.
     """
     strain, ratio = _checked_curve(axial_strain, stress_ratio)
+    starts, fall = _fall_curve(strain, ratio, options.drop_length, options.drop_smoothing)
+    # A collapse cut off by the end of the curve is a maximum too, hence the padding.
+    found, _ = find_peaks(np.pad(fall, 1, constant_values=fall.min() - 1), prominence=0)
+    found = found - 1
+    prominence = _prominence(fall, found)
+    sufficient = (fall[found] >= options.drop_fall) & (fall[found] > 0) & (prominence >= options.drop_prominence)
+    found = found[sufficient]
+    apart: list[float] = []
+    for start in starts[found[np.argsort(-fall[found], kind="stable")]]:
+        if all(abs(start - other) >= options.drop_length for other in apart):
+            apart.append(float(start))
+    chosen = sorted(apart) if options.drop_selection == "first" else apart
     length = options.drop_length
-    if strain[-1] - strain[0] <= length:
-        raise ValueError(f"axial_strain: expected more than a drop's {length:g}, found {strain[-1] - strain[0]:g}")
-    count = int(np.ceil((strain[-1] - strain[0]) / length * STEPS_A_DROP)) + 1
-    grid = np.linspace(strain[0], strain[-1], count)
-    curve = smoothed(strain, ratio, grid, options.drop_smoothing)
-    peaks, _ = find_peaks(curve, prominence=max(options.drop_prominence, np.finfo(float).tiny))
-    drops = [_drop(strain, ratio, grid, curve, float(grid[p]), float(grid[p]) + length, options) for p in peaks]
-    drops = [
-        drop
-        for drop in drops
-        if drop.end <= strain[-1] and drop.fall > 0 and drop.largest_fall >= options.drop_prominence
-    ]
-    if options.drop_selection == "largest":
-        drops.sort(key=lambda drop: -drop.fall)
-    chosen: list[Drop] = []
-    for drop in drops:
-        if len(chosen) < options.drop_count and all(_apart(drop, other) for other in chosen):
-            chosen.append(drop)
-    return tuple(sorted(chosen, key=lambda drop: drop.start))
+    return tuple(_drop(strain, ratio, start, start + length, options) for start in sorted(chosen[: options.drop_count]))
 
 
 def given_drops(
@@ -114,8 +109,8 @@ def given_drops(
             raise ValueError(f"{where}: expected a start below the end")
         if start < strain[0] or end > strain[-1]:
             raise ValueError(f"{where}: expected strains between {strain[0]:g} and {strain[-1]:g}")
-        drop = _drop(strain, ratio, None, None, start, end, options)
-        if drops and not _apart(drop, drops[-1]):
+        drop = _drop(strain, ratio, start, end, options)
+        if drops and start < drops[-1].end:
             raise ValueError(f"{where}: expected no overlap, found {drops[-1].start:g}-{drops[-1].end:g}")
         if drops and abs(drop.length - drops[0].length) > LENGTH_TOLERANCE * drops[0].length:
             raise ValueError(f"{where}: expected a length of {drops[0].length:g}, found {drop.length:g}")
@@ -160,32 +155,48 @@ def _checked_curve(axial_strain: FloatArray, stress_ratio: FloatArray) -> tuple[
     return strain, ratio
 
 
-def _drop(
-    strain: FloatArray,
-    ratio: FloatArray,
-    grid: FloatArray | None,
-    curve: FloatArray | None,
-    start: float,
-    end: float,
-    options: AnalysisOptions,
-) -> Drop:
-    if grid is None or curve is None:
-        steps = int(np.ceil((strain[-1] - strain[0]) / (end - start) * STEPS_A_DROP)) + 1
-        grid = np.unique(np.append(np.linspace(strain[0], strain[-1], steps), start))
-        curve = smoothed(strain, ratio, grid, options.drop_smoothing)
-    top = int(np.argmin(np.abs(grid - start)))
-    last = int(np.argmin(np.abs(grid - end)))
-    at_peak = 0 < top < len(grid) - 1 and curve[top - 1] < curve[top] >= curve[top + 1]
-    prominence = float(peak_prominences(curve, [top])[0][0]) if at_peak else 0.0
+def _fall_curve(
+    strain: FloatArray, ratio: FloatArray, length: float, smoothing: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return starts A on an even grid, and the fall of the smoothed curve from each A to A + length."""
+    room = strain[-1] - strain[0] - length
+    if room <= 0:
+        raise ValueError(f"axial_strain: expected more than a drop's {length:g}, found {strain[-1] - strain[0]:g}")
+    starts = np.linspace(strain[0], strain[0] + room, int(np.ceil(room / length * STEPS_A_DROP)) + 1)
+    top, bottom = smoothed(strain, ratio, np.concatenate((starts, starts + length)), smoothing).reshape(2, -1)
+    return starts, top - bottom
+
+
+def _prominence(fall: FloatArray, places: IntArray) -> FloatArray:
+    """Return how far `fall` at `places` stands above its lowest value on the way to a larger one, on the lesser side.
+
+    A side on which the curve ends within a drop's length tells too little to count, unless the other does the same.
+    """
+    prominences: FloatArray = np.zeros(len(places))
+    for row, place in enumerate(places):
+        known: list[float] = []
+        cut_off: list[float] = []
+        for side in (fall[: place + 1][::-1], fall[place:]):
+            higher = np.flatnonzero(side > fall[place])
+            reach = side[: higher[0]] if len(higher) else side
+            complete = len(higher) > 0 or len(side) > STEPS_A_DROP
+            (known if complete else cut_off).append(float(fall[place] - reach.min()))
+        prominences[row] = min(known) if known else max(cut_off)
+    return prominences
+
+
+def _drop(strain: FloatArray, ratio: FloatArray, start: float, end: float, options: AnalysisOptions) -> Drop:
+    inside = np.linspace(start, end, STEPS_A_DROP + 1)
+    curve = smoothed(strain, ratio, inside, options.drop_smoothing)
+    prominence = 0.0
+    if strain[-1] - strain[0] > end - start:
+        starts, fall = _fall_curve(strain, ratio, end - start, options.drop_smoothing)
+        prominence = float(_prominence(fall, np.array([np.argmin(np.abs(starts - start))]))[0])
     return Drop(
         start=start,
         end=end,
-        peak=float(curve[top]),
-        fall=float(curve[top] - curve[last]),
-        largest_fall=float(curve[top] - curve[top : last + 1].min()),
+        peak=float(curve.max()),
+        peak_strain=float(inside[int(np.argmax(curve))]),
+        fall=float(curve[0] - curve[-1]),
         prominence=prominence,
     )
-
-
-def _apart(drop: Drop, other: Drop) -> bool:
-    return drop.start >= other.end or drop.end <= other.start
