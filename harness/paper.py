@@ -47,9 +47,9 @@ PRINTED = (
         words="solid fraction, prepared",
         value=0.858,
         unit="-",
-        floor=0.01,
+        floor=0.015,
         source="section 5.1",
-        floor_reason="the way the packing was prepared is not printed",
+        floor_reason="the way of preparation is not printed, and walls loosen the layer beside them, the more the smaller the sample",
     ),
     Reference(
         quantity="coordination",

@@ -16,6 +16,7 @@ from forcechain.observe.window import DropObservation, observe_drop
 from harness.averages import MEASURES
 from harness.errors import InputError
 from harness.exports import Run
+from harness.run_facts import run_facts
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,11 +29,6 @@ class RunAnalysis:
     yielding: pd.DataFrame
     chains: pd.DataFrame
     ledger: tuple[Mapping[str, Any], ...]
-
-
-def mean_radius(run: Run) -> float:
-    """Mean radius of the run's discs [m], by which displacements are divided."""
-    return float(run.snapshot(0).radius.mean())
 
 
 def choose_drops(
@@ -67,7 +63,8 @@ def analyse_run(
     Raises InputError in one line for tables that cannot be used.
     """
     key = {"run": run.name, "case": case}
-    radius = mean_radius(run)
+    facts = run_facts(run)
+    radius = facts["mean_radius"]
     drop_rows, segment_rows, yielding_rows, chain_rows, ledger = [], [], [], [], []
     chosen = choose_drops(run, options, intervals)
     for number, drop in enumerate(chosen, start=1):
@@ -84,7 +81,7 @@ def analyse_run(
         chain_rows.append(_chain_table(observed).assign(**of_drop))
         ledger.append(of_drop | asdict(observed.ledger))
     return RunAnalysis(
-        facts=key | _run_facts(run, radius) | {"drops": len(chosen)},
+        facts=key | facts | {"drops": len(chosen)},
         drops=pd.DataFrame(drop_rows, columns=None if drop_rows else ["run", "case", "drop", "start", "end"]),
         segments=_joined(segment_rows, ["run", "case", "drop", "increment", *MEASURES]),
         yielding=_joined(yielding_rows, ["run", "case", "drop", "buckling_class", "slides_in_chain"]),
@@ -185,21 +182,3 @@ def _chain_table(observed: DropObservation) -> pd.DataFrame:
             "branch_points": chains.branch_points,
         }
     )
-
-
-def _run_facts(run: Run, radius: float) -> dict[str, Any]:
-    """Return the facts of a run that the comparison asks for: preparation, peak, parameters of the model."""
-    preparation: Mapping[str, Any] = (run.manifest or {}).get("preparation", {})
-    facts: dict[str, Any] = {
-        "seed": run.parameters.get("seed"),
-        "mean_radius": radius,
-        "solid_fraction": preparation.get("solid_fraction"),
-        "coordination": preparation.get("coordination"),
-        "peak_stress_ratio": None,
-        "strain_at_peak": None,
-    }
-    if run.history is not None and "stress_ratio" in run.history:
-        peak = int(run.history["stress_ratio"].to_numpy().argmax())
-        facts["peak_stress_ratio"] = float(run.history["stress_ratio"].iloc[peak])
-        facts["strain_at_peak"] = float(run.history["axial_strain"].iloc[peak])
-    return facts

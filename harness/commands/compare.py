@@ -1,0 +1,64 @@
+"""forcechain compare: model against data, data against the paper, a verdict a row."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from harness.analysis import analyse
+from harness.commands.analyse import tell_left_out
+from harness.comparison import calibrated_ratios, compare
+from harness.errors import EXIT_GOOD, EXIT_VERDICT
+from harness.study import study_in
+from harness.text_table import number, render, with_error
+from harness.verdicts import Row, Verdict, failed
+
+HELP = "hold the model against the data and the data against the paper: a table, a verdict a row"
+EXAMPLE = "forcechain compare results/demo"
+HEADER = ("quantity", "unit", "model", "data ± 2 s.e.", "n", "paper", "tolerance", "verdict")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("directory", metavar="DIR", type=Path, help="a study's folder, or a single run's")
+    parser.add_argument("--json", action="store_true", help="print every row as JSON")
+
+
+def cells(row: Row) -> tuple[str, ...]:
+    """Text of one row, in the order of `HEADER`."""
+    return (
+        row.quantity,
+        row.unit,
+        number(row.model),
+        with_error(row.data, row.standard_error),
+        f"{row.count} {row.count_of}",
+        number(row.paper),
+        "-" if row.tolerance is None else f"{number(row.tolerance, 2)} ({row.tolerance_source})",
+        row.verdict.value,
+    )
+
+
+def summary(rows: Sequence[Row]) -> str:
+    """Count the verdicts in one sentence."""
+    counts = [f"{sum(row.verdict is verdict for row in rows)} {verdict.value}" for verdict in Verdict]
+    return f"{len(rows)} rows: " + ", ".join(counts)
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Compare and print the table; a run that is left out outranks a verdict that failed."""
+    study = study_in(args.directory)
+    ratios = calibrated_ratios(study.compare, str(study.source)) if study else {}
+    analysis = analyse(args.directory)
+    rows, _ = compare(analysis, ratios)
+    if args.json:
+        document = {"rows": [row.as_dict() for row in rows], "left_out": dict(analysis.left_out)}
+        print(json.dumps(document, indent=1, allow_nan=False))
+    else:
+        for case in analysis.cases:
+            print(f"{analysis.name}: {case}")
+            print(render(HEADER, [cells(row) for row in rows if row.case == case], right=(2, 3, 4, 5)))
+            print()
+        print(summary(rows))
+    return tell_left_out(analysis.left_out) or (EXIT_VERDICT if failed(list(rows)) else EXIT_GOOD)
