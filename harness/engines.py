@@ -18,7 +18,7 @@ from types import FrameType
 from harness.errors import Terminated
 
 POLL_S = 0.1
-PATIENCE_S = 3.0  # from asking a process to end until it is killed
+PATIENCE_S = 1.0  # from asking a process to end until it is killed
 PR_SET_PDEATHSIG = 1  # linux/prctl.h
 OWNER_ONLY = 0o600  # a log can hold the cookie of YADE's Python prompt
 

@@ -54,22 +54,23 @@ def run_study(
         directory.mkdir(parents=True, exist_ok=True)
         with _locked(directory), ending_signals():
             _keep_study(study, directory)
-            todo = [
-                run
-                for run, state in zip(
-                    study.planned_runs(), states_of_study(study, directory, thorough=True), strict=True
-                )
-                if state.state not in (State.DONE, State.INVALID)  # an invalid run would come out the same
-            ]
-            display.begin(len(study.planned_runs()), len(study.planned_runs()) - len(todo))
+            states = {state.run_id: state for state in states_of_study(study, directory, thorough=True)}
+            n_complete = sum(_ended_well(state) for state in states.values())
+            display.begin(len(states), n_complete)
             try:
                 for _ in range(study.run.retries + 1):
-                    todo = _attempt(study, directory, todo, yade, engine, jobs, display)
+                    todo = [run for run in study.planned_runs() if not _ended_well(states[run.run_id])]
+                    for state in _attempt(study, directory, todo, yade, engine, jobs, display):
+                        states[state.run_id] = state
             finally:
                 display.close()
+            return tuple(states.values())
     except OSError as error:
         raise RunError(f"{error.filename or directory}: {error.strerror}; make room or choose another --out") from None
-    return states_of_study(study, directory)
+
+
+def _ended_well(state: RunState) -> bool:
+    return state.state in (State.DONE, State.INVALID)  # tried again, an invalid run would come out the same
 
 
 def _attempt(
@@ -80,8 +81,8 @@ def _attempt(
     engine: Engine,
     jobs: int,
     display: Display,
-) -> list[PlannedRun]:
-    """Try every run of `todo` once; return those that failed."""
+) -> list[RunState]:
+    """Try every run of `todo` once; return what has become of each."""
     for run in todo:
         _clean(directory, run)
         folder = directory / RUNS / run.run_id
@@ -90,25 +91,24 @@ def _attempt(
     if study.script == BIAXIAL:
         without_packing = _make_packings(study, directory, todo, yade, engine, jobs, display)
     tasks = []
-    failed = []
+    states = []
     for run in todo:
         name = packing.file_name(run.parameters) if study.script == BIAXIAL else ""
         if name in without_packing:
             reason = f"its packing could not be made: {without_packing[name]}"
-            _record_failure(study, directory / RUNS / run.run_id, run, reason)
+            folder = directory / RUNS / run.run_id
+            _record_failure(study, folder, run, reason)
+            states.append(state_of(folder, study.run, run))
             display.ended(run.run_id, State.FAILED, reason, 0.0)
-            failed.append(run)
         else:
             tasks.append(_run_task(study, directory, run, yade))
     by_id = {run.run_id: run for run in todo}
     with contextlib.closing(engine(tasks, jobs, display.watch)) as outcomes:
         for outcome in outcomes:
-            run = by_id[outcome.task.name]
-            state = _judge(study, outcome, run)
-            display.ended(run.run_id, state.state, state.reason, outcome.seconds)
-            if state.state not in (State.DONE, State.INVALID):
-                failed.append(run)
-    return failed
+            state = _judge(study, outcome, by_id[outcome.task.name])
+            states.append(state)
+            display.ended(state.run_id, state.state, state.reason, outcome.seconds)
+    return states
 
 
 def _make_packings(
