@@ -28,17 +28,32 @@ class Yielding:
             rolling, or -1.
         buckling_class: (n_segments,) 1 neither, 2 together, 3 the weak network first or alone, 4 the chain's moment
             first or alone.
-        slides_in_chain: (n_segments,) the contact 1-2 or 2-3 slides at some increment.
+        chain_sliding: (n_segments,) first increment at which the contact 1-2 or 2-3 slides, or -1.
     """
 
     chain_moment: IntArray
     weak_network: IntArray
     buckling_class: IntArray
-    slides_in_chain: BoolArray
+    chain_sliding: IntArray
 
     def __post_init__(self) -> None:
         """Freeze the arrays."""
-        freeze(self.chain_moment, self.weak_network, self.buckling_class, self.slides_in_chain)
+        freeze(self.chain_moment, self.weak_network, self.buckling_class, self.chain_sliding)
+
+    @property
+    def slides_in_chain(self) -> BoolArray:
+        """(n_segments,) a contact of the chain slides at some increment."""
+        slides: BoolArray = self.chain_sliding != NEVER
+        return slides
+
+    @property
+    def slides_first(self) -> BoolArray:
+        """(n_segments,) a contact of the chain slides before a moment of the chain is plastic, or instead of it.
+
+        Such a segment buckles by sliding inside the chain; one that slides later has buckled by rolling before.
+        """
+        before: BoolArray = (self.chain_moment == NEVER) | (self.chain_sliding < self.chain_moment)
+        return self.slides_in_chain & before
 
 
 def sliding(snapshot: Snapshot, tolerance: float) -> BoolArray:
@@ -82,7 +97,7 @@ def classify(snapshots: Sequence[Snapshot], segments: IntArray, chains: Chains, 
     weak = ~chains.in_chain
     chain_moment = np.full(len(segments), NEVER)
     weak_network = np.full(len(segments), NEVER)
-    slides_in_chain = np.zeros(len(segments), dtype=np.bool_)
+    chain_sliding = np.full(len(segments), NEVER)
     touching: IntArray | None = None
     before = _State.of(snapshots[0], options)
     if options.neighbours_at == "start":
@@ -95,7 +110,8 @@ def classify(snapshots: Sequence[Snapshot], segments: IntArray, chains: Chains, 
         slides, rolls = now.yields_since(before) if options.already_plastic == "ignore" else (now.slides, now.rolls)
         neighbours = find_neighbours(snapshot)
         row, contact = _chain_contacts(neighbours, segments)
-        slides_in_chain |= _any_of_row(row, slides[contact], len(segments))
+        slide = _any_of_row(row, slides[contact], len(segments))
+        chain_sliding[slide & (chain_sliding == NEVER)] = increment
         moment = _any_of_row(row, rolls[contact], len(segments))
         chain_moment[moment & (chain_moment == NEVER)] = increment
         pending = np.flatnonzero(weak_network == NEVER)
@@ -106,7 +122,7 @@ def classify(snapshots: Sequence[Snapshot], segments: IntArray, chains: Chains, 
         chain_moment=chain_moment,
         weak_network=weak_network,
         buckling_class=_class_of(chain_moment, weak_network),
-        slides_in_chain=slides_in_chain,
+        chain_sliding=chain_sliding,
     )
 
 

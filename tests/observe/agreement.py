@@ -40,9 +40,9 @@ def assert_window_agrees(snapshots, options, *, seed=0):
             for name in MEASURES:
                 got = getattr(drop.measures, name)[row, column]
                 assert got == pytest.approx(values[name], rel=1e-7, abs=1e-12), (segment, row, name)
-        moment, lateral, number, slides = plain.classify(snapshots, tuple(segment), in_chains, options)
+        moment, lateral, slide, number = plain.classify(snapshots, tuple(segment), in_chains, options)
         assert drop.yielding.chain_moment[column] == (-1 if moment is None else moment)
         assert drop.yielding.weak_network[column] == (-1 if lateral is None else lateral)
         assert drop.yielding.buckling_class[column] == number
-        assert drop.yielding.slides_in_chain[column] == slides
+        assert drop.yielding.chain_sliding[column] == (-1 if slide is None else slide)
     return drop

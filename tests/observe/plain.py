@@ -209,7 +209,7 @@ def buckled(reference, end, found_segments, in_chains, options):
 
 
 def classify(snapshots, segment, in_chains, options):
-    """First increments (chain moment, weak network) or None, class, and whether a chain contact slides."""
+    """First increments (chain moment, weak network, chain sliding) or None, and the class."""
     instants = [PlainSnapshot(snapshot) for snapshot in snapshots]
     one, two, three = segment
     own = [(min(end, two), max(end, two)) for end in (one, three)]
@@ -229,8 +229,7 @@ def classify(snapshots, segment, in_chains, options):
     def weak_neighbours(s):
         return {p for i in segment for p in s.touching(i) if p >= 0 and p not in in_chains}
 
-    moment = lateral = None
-    slides = False
+    moment = lateral = slide = None
     for k in range(1, len(instants)):
         s = instants[k]
         weak = weak_neighbours(instants[0] if options.neighbours_at == "start" else s)
@@ -244,7 +243,8 @@ def classify(snapshots, segment, in_chains, options):
             moment = k
         if lateral is None and any(yields(k, pair, kind) for pair in ring for kind in ("slide", "roll")):
             lateral = k
-        slides = slides or any(yields(k, pair, "slide") for pair in own)
+        if slide is None and any(yields(k, pair, "slide") for pair in own):
+            slide = k
     if moment is None and lateral is None:
         number = 1
     elif moment is not None and moment == lateral:
@@ -253,4 +253,4 @@ def classify(snapshots, segment, in_chains, options):
         number = 3
     else:
         number = 4
-    return moment, lateral, number, slides
+    return moment, lateral, slide, number
