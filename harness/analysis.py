@@ -26,7 +26,7 @@ from yade_scripts.run_folder import write, write_json
 FOLDER = "analysis"
 OPTIONS = "options.json"  # written last: its presence says that the other files are whole
 LEDGER = "ledger.json"
-TABLES = ("runs", "drops", "segments", "yielding", "chains", "averages", "classes")
+TABLES = ("runs", "drops", "segments", "yielding", "chains", "members", "averages", "classes")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +42,7 @@ class Analysis:
         segments: one row a buckled segment and increment.
         yielding: one row a buckled segment: when its contacts yield, and its class.
         chains: one row a force chain at the start of a drop.
+        members: one row a particle in a force chain at the start of a drop.
         averages: one row a case and increment: count, mean and standard errors of every measure.
         classes: one row a case and class: count and percentage.
         ledger: one record a run and drop: what each filter left.
@@ -57,6 +58,7 @@ class Analysis:
     segments: pd.DataFrame
     yielding: pd.DataFrame
     chains: pd.DataFrame
+    members: pd.DataFrame
     averages: pd.DataFrame
     classes: pd.DataFrame
     ledger: Sequence[Mapping[str, Any]]
@@ -162,6 +164,8 @@ def _digest(text: str) -> str:
 
 
 def _stored_source(folder: Path) -> Any:
+    if not all((folder / f"{table}.csv").exists() for table in TABLES):
+        return None
     try:
         stored = json.loads((folder / OPTIONS).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -171,7 +175,7 @@ def _stored_source(folder: Path) -> Any:
 
 def _tables(found: Sequence[RunAnalysis]) -> tuple[dict[str, pd.DataFrame], tuple[Any, ...]]:
     tables = {"runs": pd.DataFrame([analysis.facts for analysis in found])}
-    for name in ("drops", "segments", "yielding", "chains"):
+    for name in ("drops", "segments", "yielding", "chains", "members"):
         parts = [getattr(analysis, name) for analysis in found]
         filled = [part for part in parts if len(part)]
         tables[name] = pd.concat(filled, ignore_index=True) if filled else parts[0]

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.resources import as_file, files
+from typing import Any
 
 import matplotlib as mpl
 
 mpl.use("Agg", force=False)  # figures are written to files; a library never opens a window
 
-THEORY = {"color": "black", "linestyle": "--", "linewidth": 1.4}
+THEORY: dict[str, Any] = {"color": "black", "linestyle": "--", "linewidth": 1.4}
 DATA = "#0072B2"
 PAPER = "#D55E00"
 STRONG = "#0072B2"  # force chains

@@ -49,7 +49,7 @@ PRINTED = (
         unit="-",
         floor=0.015,
         source="section 5.1",
-        floor_reason="the way of preparation is not printed, and walls loosen the layer beside them, the more the smaller the sample",
+        floor_reason="the way of preparation is not printed; walls loosen the layer beside them, smaller samples more",
     ),
     Reference(
         quantity="coordination",

@@ -28,6 +28,7 @@ class RunAnalysis:
     segments: pd.DataFrame
     yielding: pd.DataFrame
     chains: pd.DataFrame
+    members: pd.DataFrame
     ledger: tuple[Mapping[str, Any], ...]
 
 
@@ -65,7 +66,7 @@ def analyse_run(
     key = {"run": run.name, "case": case}
     facts = run_facts(run)
     radius = facts["mean_radius"]
-    drop_rows, segment_rows, yielding_rows, chain_rows, ledger = [], [], [], [], []
+    drop_rows, segment_rows, yielding_rows, chain_rows, member_rows, ledger = [], [], [], [], [], []
     chosen = choose_drops(run, options, intervals)
     for number, drop in enumerate(chosen, start=1):
         try:
@@ -79,6 +80,7 @@ def analyse_run(
         segment_rows.append(_segment_table(observed, radius).assign(**of_drop))
         yielding_rows.append(_yielding_table(observed).assign(**of_drop))
         chain_rows.append(_chain_table(observed).assign(**of_drop))
+        member_rows.append(_member_table(observed).assign(**of_drop))
         ledger.append(of_drop | asdict(observed.ledger))
     return RunAnalysis(
         facts=key | facts | {"drops": len(chosen)},
@@ -86,6 +88,7 @@ def analyse_run(
         segments=_joined(segment_rows, ["run", "case", "drop", "increment", *MEASURES]),
         yielding=_joined(yielding_rows, ["run", "case", "drop", "buckling_class", "slides_in_chain"]),
         chains=_joined(chain_rows, ["run", "case", "drop", "chain", "length", "branch_points"]),
+        members=_joined(member_rows, ["run", "case", "drop", "particle", "chain"]),
         ledger=tuple(ledger),
     )
 
@@ -182,3 +185,8 @@ def _chain_table(observed: DropObservation) -> pd.DataFrame:
             "branch_points": chains.branch_points,
         }
     )
+
+
+def _member_table(observed: DropObservation) -> pd.DataFrame:
+    members = np.flatnonzero(observed.chains.in_chain)
+    return pd.DataFrame({"particle": members, "chain": observed.chains.label[members]})

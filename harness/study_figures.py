@@ -1,4 +1,4 @@
-"""Figures of a study: macroscopic curves with the chosen drops, and the buckling data against the model."""
+"""Macroscopic curves of a study: stress ratio with the chosen drops, and volume change."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from harness.figure_style import DATA, label
-
-DROP_SHADE = {"color": "0.85", "linewidth": 0}
+from harness.figure_style import label
 
 
 def volumetric_strain(history: pd.DataFrame) -> pd.Series:
@@ -49,12 +47,4 @@ def plot_volume_change(histories: Sequence[pd.DataFrame], names: Sequence[str], 
     ax.set_xlabel(label("axial strain"))
     ax.set_ylabel(label("volume change", "%"))
     ax.set_xlim(left=0)
-    return ax
-
-
-def plot_data(x: pd.Series, y: pd.Series, error: pd.Series, *, ax: Axes, name: str) -> Axes:
-    """Draw averaged data with two standard errors."""
-    ax.errorbar(
-        x, y, yerr=2 * error, fmt="o", color=DATA, markersize=3.5, elinewidth=0.8, capsize=1.5, label=name, zorder=3
-    )
     return ax
