@@ -70,6 +70,10 @@ class Analysis:
         """Names of the cases: runs that differ by their seed alone are one case."""
         return list(dict.fromkeys(self.runs["case"]))
 
+    def particle_count(self, case: str) -> int:
+        """Number of discs of the runs of a case."""
+        return int(self.runs.loc[self.runs["case"] == case, "particle_count"].iloc[0])
+
     @property
     def folder(self) -> Path:
         """Where the tables are."""

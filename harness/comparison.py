@@ -189,7 +189,7 @@ def _growing_rotation(case: str, segments: pd.DataFrame) -> Row:
         count=sum(run.shape[1] for run in ends),
         count_of="segments",
         tolerance=2 * standard_error if standard_error is not None else None,
-        tolerance_source="2 standard errors" if known else "",
+        tolerance_source="2 s.e." if known else "",
         verdict=(Verdict.PASS if found > 2 * (standard_error or 0.0) else Verdict.FAIL)
         if known
         else Verdict.NOT_JUDGED,
@@ -200,7 +200,6 @@ def _growing_rotation(case: str, segments: pd.DataFrame) -> Row:
 def _paper_rows(case: str, facts: pd.DataFrame, segments: pd.DataFrame, analysis: Analysis) -> list[Row]:
     """Hold the data against the printed numbers, where the runs are under the conditions these were printed for."""
     departures = paper.departures({str(name): value for name, value in facts.iloc[0].items()})
-    size = int(facts["particle_count"].iloc[0])
     rows = []
     for reference in paper.PRINTED:
         groups = _values_by_run(reference.quantity, facts, segments, analysis, case)
@@ -217,15 +216,13 @@ def _paper_rows(case: str, facts: pd.DataFrame, segments: pd.DataFrame, analysis
         else:
             tolerance, source = tolerance_for_one_print(reference.floor, spread, len(groups))
             if standard_error is not None and 2 * standard_error > tolerance:
-                tolerance, source = 2 * standard_error, "2 standard errors"
+                tolerance, source = 2 * standard_error, "2 s.e."
         verdict = judge(found, reference.value, tolerance, upper_bound=reference.upper_bound)
         note = reference.floor_reason if source == "floor" else ""
         if departures:
             verdict, note = Verdict.NOT_JUDGED, "printed for other conditions: " + "; ".join(departures)
         elif found is None:
             note = "no buckled segments"
-        elif size != paper.PARTICLE_COUNT:
-            note = "; ".join(filter(None, [note, f"{size} discs, the paper {paper.PARTICLE_COUNT}"]))
         rows.append(
             Row(
                 case=case,

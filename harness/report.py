@@ -71,7 +71,7 @@ def _context(
         "subtitle": _subtitle(analysis),
         "good": n_failed == 0 and not analysis.left_out,
         "summary": _summary(rows, analysis),
-        "verdict_tables": [verdict_table(case, rows) for case in analysis.cases],
+        "verdict_tables": [verdict_table(case, rows, analysis.particle_count(case)) for case in analysis.cases],
         "verdict_words": VERDICT_WORDS,
         "validity_table": validity_table(analysis, settings, runs),
         "behaviour_figures": [behaviour_picture(case, analysis, runs) for case in analysis.cases],

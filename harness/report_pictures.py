@@ -136,7 +136,7 @@ def packing_pictures(case: str, analysis: Analysis, runs: Mapping[str, Run]) -> 
             f"filters-{analysis.cases.index(case)}",
             f"{where}: the three filters one after the other. {counts}",
             f"Three pictures of the packing. {counts}",
-            (11, 11 / 3 * height / width + 1.1),
+            (11, 3.2 * height / width + 1.0),
             draw_filters,
             bitmap=bitmap,
         ),
@@ -145,7 +145,7 @@ def packing_pictures(case: str, analysis: Analysis, runs: Mapping[str, Run]) -> 
             f"{where}, at its start: contact forces as lines, as wide as the force is large; discs of force chains in "
             "pale blue; buckled segments in the colour of their class.",
             f"Contact-force network of the packing with force chains and buckled segments marked. {counts}",
-            (7.5, 7.5 * height / width + 0.8),
+            (7.5, 6.9 * height / width + 0.8),
             draw_forces,
             bitmap=bitmap,
         ),

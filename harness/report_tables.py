@@ -29,10 +29,17 @@ class Table:
     numeric: frozenset[int]
 
 
-def verdict_table(case: str, rows: Sequence[Row]) -> Table:
+def size_note(particle_count: int) -> str:
+    """Say that the paper's sample was of another size, where it was."""
+    if particle_count == paper.PARTICLE_COUNT:
+        return ""
+    return f" {particle_count} discs; the paper's numbers are printed for {paper.PARTICLE_COUNT}."
+
+
+def verdict_table(case: str, rows: Sequence[Row], particle_count: int) -> Table:
     """Every row of the comparison of one case, with its verdict and what there is to say about it."""
     return Table(
-        caption=f"Model, data and paper, {case}.",
+        caption=f"Model, data and paper, {case}." + size_note(particle_count),
         header=["quantity", "unit", "model", "data ± 2 s.e.", "n", "paper", "tolerance", "n.r.m.s.", "verdict", "note"],
         rows=[
             [
@@ -40,7 +47,7 @@ def verdict_table(case: str, rows: Sequence[Row]) -> Table:
                 row.unit,
                 number(row.model),
                 with_error(row.data, row.standard_error),
-                f"{row.count} {row.count_of}",
+                row.counted,
                 number(row.paper),
                 "-" if row.tolerance is None else f"{number(row.tolerance, 2)} ({row.tolerance_source})",
                 number(row.normalised_rms, 2),

@@ -42,6 +42,11 @@ class Row:
     verdict: Verdict
     note: str = ""
 
+    @property
+    def counted(self) -> str:
+        """How many of what the value is the mean of: "1 run", "25 segments"."""
+        return f"{self.count} {self.count_of if self.count != 1 else self.count_of.removesuffix('s')}"
+
     def as_dict(self) -> dict[str, Any]:
         """Plain values, for JSON and tables."""
         return asdict(self) | {"verdict": self.verdict.value}
@@ -86,7 +91,7 @@ def tolerance_for_a_mean(floor: float, standard_error: float | None) -> tuple[fl
     """Tolerance for a mean held against an exact value: two standard errors, never less than `floor`."""
     if standard_error is None or 2 * standard_error <= floor:
         return floor, "floor"
-    return 2 * standard_error, "2 standard errors"
+    return 2 * standard_error, "2 s.e."
 
 
 def failed(rows: list[Row]) -> int:

@@ -11,6 +11,7 @@ from harness.analysis import analyse
 from harness.commands.analyse import tell_left_out
 from harness.comparison import calibrated_ratios, compare
 from harness.errors import EXIT_GOOD, EXIT_VERDICT
+from harness.report_tables import size_note
 from harness.study import study_in
 from harness.text_table import number, render, with_error
 from harness.verdicts import Row, Verdict, failed
@@ -33,7 +34,7 @@ def cells(row: Row) -> tuple[str, ...]:
         row.unit,
         number(row.model),
         with_error(row.data, row.standard_error),
-        f"{row.count} {row.count_of}",
+        row.counted,
         number(row.paper),
         "-" if row.tolerance is None else f"{number(row.tolerance, 2)} ({row.tolerance_source})",
         row.verdict.value,
@@ -57,7 +58,7 @@ def execute(args: argparse.Namespace) -> int:
         print(json.dumps(document, indent=1, allow_nan=False))
     else:
         for case in analysis.cases:
-            print(f"{analysis.name}: {case}")
+            print(f"{analysis.name}: {case}.{size_note(analysis.particle_count(case))}")
             print(render(HEADER, [cells(row) for row in rows if row.case == case], right=(2, 3, 4, 5)))
             print()
         print(summary(rows))
