@@ -42,7 +42,7 @@ _STATUS_MEANINGS = {
     Status.ABOVE_RIGHT_ANGLE: "outside the model: buckling angles lie below 90 degrees",
     Status.TOO_STIFF: "no buckling: 2 (2 kFC kr/(kFC + kr) + ks) exceeds kn, the contacts would overlap by a radius "
     "first; lower the stiffness of the supports",
-    Status.SEPARATED: "no equilibrium: the contacts would have to pull; the chain has come apart",
+    Status.SEPARATED: "no equilibrium: the path ends before this angle, the contacts would have to pull",
 }
 
 
