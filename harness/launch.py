@@ -52,6 +52,7 @@ def run_study(
     """
     try:
         directory.mkdir(parents=True, exist_ok=True)
+        directory = directory.resolve()  # the runs have working directories of their own
         with _locked(directory), ending_signals():
             _keep_study(study, directory)
             states = {state.run_id: state for state in states_of_study(study, directory, thorough=True)}

@@ -148,6 +148,17 @@ def test_all_good_is_exit_status_0(
     assert environment["DISPLAY"] is None
 
 
+@pytest.mark.usefixtures("fake_yade")
+def test_results_lie_under_the_current_directory(
+    write_study: WriteStudy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_study([1])
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["run", "trial.toml"]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "results/trial"
+    assert len(list((tmp_path / "results" / "trial" / "runs").glob("seed1-*/run.json"))) == 1
+
+
 def test_one_packing_serves_all_frictions(fake_yade: FakeYade, write_study: WriteStudy) -> None:
     study = write_study([1, 2], text="[grid]\nrolling_friction = [0.2, 0.05, 0.02]")
     assert run(study) == 0
