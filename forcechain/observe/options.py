@@ -119,9 +119,9 @@ def _checked_number(name: str, value: Any, default: Any, limits: Mapping[str, An
     words += f" {'from' if limits['low_allowed'] else 'above'} {limits['low']:g}"
     if math.isfinite(limits["high"]):
         words += f" up to {limits['high']:g}"
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or (kind is int and value != int(value)):
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
         raise ValueError(f"{name}: expected {words}, found {value!r}")
     too_low = value < limits["low"] or (value == limits["low"] and not limits["low_allowed"])
-    if not math.isfinite(value) or too_low or value > limits["high"]:
+    if too_low or value > limits["high"] or (kind is int and value != int(value)):
         raise ValueError(f"{name}: expected {words}, found {value!r}")
     return kind(value)

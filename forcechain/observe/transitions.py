@@ -13,6 +13,9 @@ from forcechain.arrays import FloatArray, IntArray, float_array
 from forcechain.observe.options import AnalysisOptions
 
 STEPS_A_DROP = 140  # the curve is searched in steps of this share of a drop's length
+SHORTEST_SHARE = (
+    1e-9  # an interval this short, over the curve's length, holds one value: dividing by it would only round
+)
 LENGTH_TOLERANCE = 1e-6  # lengths of given drops may differ by this share, the rounding of printed strains
 
 
@@ -49,16 +52,15 @@ def smoothed(axial_strain: FloatArray, stress_ratio: FloatArray, at: FloatArray,
     The average is that of the straight lines between the samples, so it does not depend on where or how often the
     curve was sampled beyond what that changes in the lines. Near the ends the interval shrinks to stay centred.
     """
-    if length == 0:
-        return np.interp(at, axial_strain, stress_ratio)
     half = np.minimum(0.5 * length, np.minimum(at - axial_strain[0], axial_strain[-1] - at))
-    half = np.maximum(half, 1e-3 * length)  # at the very ends, where the value itself is the average
-    # The integral of straight lines is a parabola between samples: sample it at the ends of every interval as well.
+    # The integral of straight lines is a parabola between samples: take it at the ends of every interval as well.
     ends = np.concatenate((at - half, at + half))
     knots = np.unique(np.concatenate((axial_strain, ends)))
     integral = cumulative_trapezoid(np.interp(knots, axial_strain, stress_ratio), knots, initial=0)
     low, high = np.searchsorted(knots, ends).reshape(2, -1)
-    average: FloatArray = (integral[high] - integral[low]) / (2 * half)
+    average: FloatArray = np.interp(at, axial_strain, stress_ratio)
+    wide = half > SHORTEST_SHARE * (axial_strain[-1] - axial_strain[0])
+    average[wide] = (integral[high] - integral[low])[wide] / (2 * half[wide])
     return average
 
 
