@@ -194,7 +194,7 @@ def _read(directory: Path, name: str, described: Mapping[str, Any], left_out: Ma
     for table in TABLES:
         path = folder / f"{table}.csv"
         try:
-            tables[table] = pd.read_csv(path, float_precision="round_trip")
+            tables[table] = pd.read_csv(path)
         except (OSError, ValueError) as error:
             raise InputError(f"{path}: cannot be read back ({error}); remove {folder} and analyse again") from None
     try:

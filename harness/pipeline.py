@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
+from multiprocessing import get_context
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +17,7 @@ from forcechain.observe.transitions import Drop, find_drops, given_drops, snapsh
 from forcechain.observe.window import DropObservation, observe_drop
 from harness.averages import MEASURES
 from harness.errors import InputError
-from harness.exports import Run
+from harness.exports import Run, read_run
 from harness.run_facts import run_facts
 
 
@@ -102,9 +104,16 @@ def analyse_runs(
     """Analyse runs given with their cases, `jobs` side by side; the result does not depend on their number."""
     if jobs <= 1 or len(runs) <= 1:
         return [analyse_run(run, case, options, intervals) for run, case in runs]
-    with ProcessPoolExecutor(min(jobs, len(runs))) as pool:
-        futures = [pool.submit(analyse_run, run, case, options, intervals) for run, case in runs]
+    # Fresh processes: a forked copy of one that runs numerical threads may hang.
+    with ProcessPoolExecutor(min(jobs, len(runs)), get_context("spawn")) as pool:
+        futures = [pool.submit(_analyse_folder, run.folder, case, options, intervals) for run, case in runs]
         return [future.result() for future in futures]
+
+
+def _analyse_folder(
+    folder: Path, case: str, options: AnalysisOptions, intervals: Sequence[tuple[float, float]] | None
+) -> RunAnalysis:
+    return analyse_run(read_run(folder), case, options, intervals)
 
 
 def cases_of(runs: Sequence[Run]) -> list[str]:
