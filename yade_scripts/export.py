@@ -65,7 +65,8 @@ def unwrapped(rotation: np.ndarray, previous: np.ndarray | None) -> np.ndarray:
     [3.283, -0.283]
     """
     reference = np.zeros(len(rotation)) if previous is None else previous
-    return rotation - 2 * math.pi * np.round((rotation - reference) / (2 * math.pi))
+    turns = np.round((rotation - reference) / (2 * math.pi))
+    return np.asarray(rotation - 2 * math.pi * turns)
 
 
 def contact_table(numbers: Mapping[int, int]) -> Table:

@@ -80,7 +80,7 @@ HISTORY_COLUMNS = (
     Column("unbalanced_force", "-", False, "mean resultant force on a disc over the mean contact force"),
     Column("kinetic_energy", "J", False, "of all discs, rotation included"),
     Column("elastic_energy", "J", False, "stored in all contacts"),
-    Column("servo_error", "-", False, "(lateral stress - confining stress)/confining stress"),
+    Column("servo_error", "-", False, "mean of lateral over confining stress since the row before, minus 1"),
     Column("time", "s", False, "simulated time"),
     Column("iteration", "-", True, "step number"),
 )

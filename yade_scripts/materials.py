@@ -38,7 +38,7 @@ def contact_rules(values: Mapping[str, Any]) -> ContactRules:
         rolling_stiffness_ratio=values["rolling_stiffness_ratio"],
         friction=values["friction"],
         rolling_friction=values["rolling_friction"],
-        wall_friction=0.0,
+        wall_friction=values["wall_friction"],
     )
 
 
@@ -58,23 +58,31 @@ def radii_of(values: Mapping[str, Any], generator: np.random.Generator) -> np.nd
     return generator.permutation(radii)
 
 
-def masses_and_inertias(radii: np.ndarray, density: float, mass: str) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) masses [kg] and (n,) moments of inertia [kg m^2] of the discs.
+def masses_and_inertias(
+    radii: np.ndarray, density: float, mass: str, shape: str = "sphere"
+) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) masses [kg] and (n,) moments of inertia [kg m^2] of discs of radii (n,) [m] and one density [kg/m^3].
 
-    "true": spheres of each disc's radius. "equal": every disc the mean of these masses, and a disc's inertia.
+    `shape` "sphere": spheres; "cylinder": cylinders as high as the mean diameter. `mass` "true": each by its size;
+    "equal": every disc the mean of the masses, and the inertia of a cylinder of that mass and its own radius.
 
     >>> masses, inertias = masses_and_inertias(np.array([1.0, 2.0]), 3 / (4 * math.pi), "equal")
     >>> masses.tolist(), inertias.tolist()
     ([4.5, 4.5], [2.25, 9.0])
     """
-    masses = density * 4 / 3 * math.pi * radii**3
+    if shape == "sphere":
+        masses = density * 4 / 3 * math.pi * radii**3
+    else:
+        masses = density * math.pi * radii**2 * 2 * radii.mean()
     if mass == "equal":
         masses = np.full(len(radii), masses.mean())
-        return masses, masses * radii**2 / 2
-    return masses, masses * radii**2 * 2 / 5
+    round_ones = shape == "sphere" and mass == "true"
+    return masses, masses * radii**2 * (2 / 5 if round_ones else 1 / 2)
 
 
-def add_discs(radii: np.ndarray, positions: np.ndarray, masses: np.ndarray, inertias: np.ndarray, rules: ContactRules):
+def add_discs(
+    radii: np.ndarray, positions: np.ndarray, masses: np.ndarray, inertias: np.ndarray, rules: ContactRules
+) -> None:
     """Put the discs into the simulation as bodies 0 to n-1, free to move in the plane alone."""
     materials: dict[float, Any] = {}
     for number in range(len(radii)):
@@ -91,7 +99,7 @@ def add_discs(radii: np.ndarray, positions: np.ndarray, masses: np.ndarray, iner
             raise RuntimeError("discs must be the first bodies of the simulation")
 
 
-def _disc_material(radius: float, rules: ContactRules):
+def _disc_material(radius: float, rules: ContactRules) -> Any:
     # YADE makes a contact's stiffness 2 Ea Ra Eb Rb/(Ea Ra + Eb Rb): with E = kn/R it is kn for every pair of sizes.
     # Its rolling stiffness is Ra Rb times the tangential stiffness times alphaKr. The switch is off where no moment
     # is wanted, because the meaning of a zero or negative limit differs between releases.
@@ -109,7 +117,7 @@ def _disc_material(radius: float, rules: ContactRules):
     )
 
 
-def wall_material(rules: ContactRules):
+def wall_material(rules: ContactRules) -> Any:
     """Material of the walls: a plain frictional one, whose contacts have stiffnesses of their own and no moment."""
     return yade.FrictMat(
         young=1.0, poisson=0.5, density=1.0, frictionAngle=math.atan(rules.wall_friction), label="wall"
@@ -144,6 +152,17 @@ def engines(rules: ContactRules, damping: float) -> list[Any]:
     ]
 
 
+def set_rolling_stiffness(stiffness: float) -> None:
+    """Give every contact that resists rolling this stiffness [N m/rad], also where YADE made it from the pair's radii.
+
+    YADE knows no other rule than the pair's, so new contacts have to be set again and again.
+    """
+    for interaction in yade.O.interactions:
+        physics = interaction.phys
+        if isinstance(physics, yade.CohFrictPhys):
+            physics.kr = stiffness
+
+
 def elastic_energy() -> float:
     """Energy [J] stored in all contacts: normal, tangential and rolling springs."""
     bending = 0.0
@@ -153,9 +172,9 @@ def elastic_energy() -> float:
             moment = physics.moment_bending[2]
             if moment != 0:
                 bending += moment * moment / physics.kr
-    return wall_law().elasticEnergy() + bending / 2
+    return float(wall_law().elasticEnergy() + bending / 2)
 
 
-def wall_law():
+def wall_law() -> Any:
     """Contact law of the walls; its energy counts the normal and tangential springs of every contact, discs' too."""
     return yade.O.engines[3].lawDispatcher.functors[1]

@@ -6,11 +6,13 @@ every friction and rolling friction. By hand: `python3 yade_scripts/packing.py P
 
 from __future__ import annotations
 
+import argparse
 import hashlib
 import json
 import math
+import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,6 +20,7 @@ import numpy as np
 
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(sys.argv[0]).resolve().parent.parent))
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # one thread repeats bit for bit; read when YADE is imported
 
 from yade_scripts import export, materials, parameters, run_folder, walls
 
@@ -93,7 +96,7 @@ def prepare(values: Mapping[str, Any], report: Report = lambda _: None) -> Packi
     stress, stiffness = values["confining_stress"], values["normal_stiffness"]
     masses, inertias = materials.masses_and_inertias(radii, DENSITY, "equal")
     mass = float(masses[0])
-    rules = materials.frictionless(stiffness)
+    rules = materials.frictionless(stiffness, values["preparation_friction"])
     materials.add_discs(radii, positions, masses, inertias, rules)
     box = walls.add_walls((0, side, 0, side), float(radii.max()), rules)
     yade.O.engines = materials.engines(rules, DAMPING)
@@ -164,14 +167,18 @@ def scatter(radii: np.ndarray, side: float, generator: np.random.Generator) -> n
 
 
 def wall_mass(disc_mass: float, count: int) -> float:
-    """Mass [kg] of a free wall: that of the one layer of discs against it, so that it is neither slow nor stiff."""
-    return disc_mass * math.sqrt(count)
+    """Mass [kg] of a free wall: a quarter of the layer of discs against it.
+
+    The heavier a wall, the longer it lags in a collapse: with 600 discs the confining stress, averaged over 1e-4 of
+    strain, is off by at most 1 % with this mass, by 4 % with a whole layer's. A still lighter wall rattles.
+    """
+    return disc_mass * math.sqrt(count) / 4
 
 
 def coordination(box: walls.Walls, count: int) -> float:
     """Mean number of contacts of a disc; one with another disc counts for both, one with a wall for one."""
     with_walls = sum(sum(1 for contact in yade.O.bodies[body].intrs() if contact.isReal) for body in box.body.values())
-    return (2 * yade.O.interactions.countReal() - with_walls) / count
+    return float(2 * yade.O.interactions.countReal() - with_walls) / count
 
 
 def step(count: int) -> None:
@@ -179,3 +186,26 @@ def step(count: int) -> None:
     advance = yade.O.step
     for _ in range(count):
         advance()
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Prepare the packing of a run's parameters; return the exit status: 0 it is there, 2 bad input."""
+    parser = argparse.ArgumentParser(prog="packing.py", description=(__doc__ or "").split("\n\n", maxsplit=1)[0])
+    parser.add_argument("parameters", type=Path, metavar="PARAMETERS.json", help="parameter names and values of a run")
+    parser.add_argument("--packings", type=Path, required=True, metavar="DIR", help="where packings are kept")
+    options = parser.parse_args(arguments)
+    try:
+        values = run_folder.read_parameters(options.parameters, parameters.BIAXIAL)
+    except (OSError, ValueError) as error:
+        print(f"{options.parameters}: {error}", file=sys.stderr)
+        return 2
+    if yade is None:
+        print(run_folder.NO_YADE, file=sys.stderr)
+        return 2
+    packing, name = packing_of(values, options.packings)
+    print(f"{name}: {json.dumps(packing.facts)}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

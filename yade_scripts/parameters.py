@@ -68,16 +68,38 @@ MATERIAL = (
     Parameter("largest_radius", 1.52e-3, "m", "largest radius", 0, 1, False),
     Parameter("normal_stiffness", 1.05e5, "N/m", "normal stiffness of every contact", 0, math.inf, False),
     Parameter("tangential_stiffness_ratio", 0.5, "-", "tangential over normal stiffness", 0, 10, False),
-    Parameter("rolling_stiffness_ratio", 0.5, "-", "rolling stiffness over normal stiffness and Ra Rb", 0, 10),
+    Parameter("rolling_stiffness_ratio", 0.5, "-", "rolling stiffness over normal stiffness and radius squared", 0, 10),
+    Parameter(
+        "rolling_stiffness_radius",
+        "pair",
+        "",
+        "radius squared of the rolling stiffness: the product of the pair's radii, or the mean radius squared",
+        choices=("pair", "mean"),
+    ),
     Parameter("friction", 0.7, "-", "coefficient of sliding friction between discs", 0, 10),
     Parameter("rolling_friction", 0.2, "-", "largest moment over (smaller radius x normal force)", 0, 10),
-    Parameter("density", 2650.0, "kg/m^3", "mass of a disc over the volume of a sphere of its radius", 0, 1e9, False),
-    Parameter("mass", "true", "", "masses: by size, or every disc the mean mass", choices=("true", "equal")),
+    Parameter("wall_friction", 0.0, "-", "coefficient of sliding friction between discs and walls", 0, 10),
+    Parameter("density", 2650.0, "kg/m^3", "mass over volume", 0, 1e9, False),
+    Parameter(
+        "shape",
+        "sphere",
+        "",
+        "mass and inertia: spheres, or cylinders as high as the mean diameter",
+        choices=("sphere", "cylinder"),
+    ),
+    Parameter(
+        "mass",
+        "true",
+        "",
+        "masses: by size, or every disc the mean mass and a cylinder's inertia (only the inertial number matters)",
+        choices=("true", "equal"),
+    ),
 )
 
 LOADING = (
     Parameter("confining_stress", 7.0e2, "N/m", "stress on the side walls, force per length", 0, math.inf, False),
     Parameter("inertial_number", 1e-4, "-", "strain rate x sqrt(mean mass/confining stress)", 0, 1, False),
+    Parameter("strain_rate", 0.0, "1/s", "strain rate; 0: what the inertial number asks for", 0, 1e9),
     Parameter("final_axial_strain", 0.1, "-", "axial strain at which the test ends", 0, 0.9, False),
     Parameter("damping", 0.2, "-", "local (non-viscous) damping of the discs", 0, 1),
     Parameter("time_step_factor", 0.3, "-", "time step over sqrt(mass/normal stiffness)", 0, 2, False),
@@ -85,12 +107,23 @@ LOADING = (
 
 SAMPLING = (
     Parameter("snapshot_strain_interval", 2.5e-4, "-", "axial strain from one snapshot to the next", 0, 1, False),
+    Parameter(
+        "dense_strain_intervals",
+        "",
+        "",
+        "axial strains between which snapshots are denser, as BEGIN:END or several of them with commas",
+    ),
+    Parameter("dense_snapshot_interval", 5e-5, "-", "axial strain between two snapshots there", 0, 1, False),
     Parameter("history_strain_interval", 1e-4, "-", "axial strain from one history row to the next", 0, 1, False),
+)
+
+PREPARATION = (
+    Parameter("preparation_friction", 0.0, "-", "friction between discs while the packing is prepared", 0, 10),
 )
 
 SEED = (Parameter("seed", 1, "-", "seed of the packing's random numbers", 0, 2**31 - 1),)
 
-BIAXIAL = MATERIAL + LOADING + SAMPLING + SEED
+BIAXIAL = MATERIAL + LOADING + SAMPLING + PREPARATION + SEED
 
 # One packing serves every run that agrees in these: the rest (friction, masses, rates, sampling) does not reach it.
 PACKING_NAMES = (
@@ -100,6 +133,7 @@ PACKING_NAMES = (
     "largest_radius",
     "normal_stiffness",
     "confining_stress",
+    "preparation_friction",
     "seed",
 )
 
@@ -128,7 +162,30 @@ def check(given: Mapping[str, Any], table: tuple[Parameter, ...] = BIAXIAL) -> d
             f"largest_radius: expected at least smallest_radius = {values['smallest_radius']:g} m, "
             f"found {values['largest_radius']:g}"
         )
+    if "dense_strain_intervals" in values:
+        strain_intervals(values["dense_strain_intervals"])
     return values
+
+
+def strain_intervals(text: str) -> list[tuple[float, float]]:
+    """Read strain intervals written as BEGIN:END, several of them with commas; ParameterError where they are not.
+
+    >>> strain_intervals("0.04:0.05, 0.08:0.09")
+    [(0.04, 0.05), (0.08, 0.09)]
+    """
+    intervals = []
+    for part in filter(None, (part.strip() for part in text.split(","))):
+        try:
+            begin, end = (float(strain) for strain in part.split(":"))
+        except ValueError:
+            begin, end = 1.0, 0.0
+        if not 0 <= begin < end <= 1:
+            raise ParameterError(
+                "dense_strain_intervals: expected BEGIN:END with 0 <= BEGIN < END <= 1, several of them with commas, "
+                f"found {part!r}"
+            )
+        intervals.append((begin, end))
+    return intervals
 
 
 def fingerprint(values: Mapping[str, Any]) -> str:

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 from yade_scripts import export_format, parameters
 
 SCRIPTS = Path(__file__).resolve().parent
+NO_YADE = "YADE is not importable: run by `yade -n -x`, or put the folder that holds its Python package on PYTHONPATH"
 
 
 class Product(NamedTuple):
@@ -98,11 +99,6 @@ def provenance(yade_version: str, seed: int, started: str) -> dict[str, Any]:
     }
 
 
-def products_entry(products: Mapping[str, Product]) -> dict[str, dict[str, Any]]:
-    """Size and checksum of every file, as the manifest holds them."""
-    return {name: {"bytes": product.size, "sha256": product.sha256} for name, product in products.items()}
-
-
 class Progress:
     """Tells how far a run is: `progress.json` about once a second, and a line for whoever watches."""
 
@@ -133,7 +129,7 @@ class Progress:
             "target_strain": target,
             "steps": steps,
             "steps_per_second": (steps - self.first_steps) / spent if spent > 0 else 0.0,
-            "seconds_left": spent * (target - strain) / strain if strain > 0 else None,
+            "seconds_left": max(0.0, spent * (target - strain) / strain) if strain > 0 else None,
             "time": now(),
         }
         write_json(self.folder, export_format.PROGRESS, content)

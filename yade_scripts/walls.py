@@ -125,7 +125,7 @@ def held(walls: Walls) -> Iterator[None]:
 
 
 def stresses(walls: Walls) -> tuple[float, float]:
-    """Lateral (x) and axial (y) stress [N/m], compression positive: mean contact force on opposite walls over length."""
+    """Lateral (x) and axial (y) stress [N/m], compression positive: contact force on a wall over its length."""
     width, height = extents(walls)
     forces = yade.O.forces
     total = [0.0, 0.0]

@@ -1,0 +1,58 @@
+"""The command line that every script of a test has, and what becomes of its run when something goes wrong."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from yade_scripts import export_format, parameters, recorder, run_folder
+
+try:
+    import yade
+except ImportError:
+    yade = None
+
+Run = Callable[[Mapping[str, Any], Path, Path], None]  # parameter values, the run's folder, the folder of packings
+
+DONE, FAILED, BAD_INPUT = 0, 1, 2
+
+
+def main(
+    script: Path, about: str | None, table: tuple[parameters.Parameter, ...], run: Run, arguments: Sequence[str]
+) -> int:
+    """Run the test that `arguments` ask for; return the exit status: 0 done, 1 failed, 2 bad input."""
+    parser = argparse.ArgumentParser(
+        prog=script.name,
+        description=(about or "").split("\n\n", maxsplit=1)[0],
+        epilog="parameters: " + ", ".join(parameter.name for parameter in table),
+    )
+    parser.add_argument("parameters", type=Path, metavar="PARAMETERS.json", help="one JSON object of names and values")
+    parser.add_argument("--folder", type=Path, help="the run's folder (default: that of PARAMETERS.json)")
+    parser.add_argument("--packings", type=Path, help="prepared packings (default: `packings` beside `runs`)")
+    options = parser.parse_args(arguments)
+    folder = (options.folder or options.parameters.parent).resolve()
+    beside = folder.parent.parent if folder.parent.name == "runs" else folder
+    packings = (options.packings or beside / "packings").resolve()
+    try:
+        values = run_folder.read_parameters(options.parameters, table)
+    except (OSError, ValueError) as error:
+        print(f"{options.parameters}: {error}", file=sys.stderr)
+        return BAD_INPUT
+    if yade is None:
+        print(run_folder.NO_YADE, file=sys.stderr)
+        return BAD_INPUT
+    started = run_folder.now()
+    (folder / export_format.MANIFEST).unlink(missing_ok=True)  # whatever happens now, the old one is no longer true
+    try:
+        run(values, folder, packings)
+    except Exception as error:
+        traceback.print_exc()
+        manifest = recorder.heading(export_format.STATUS_FAILED, script, values, table, started)
+        manifest["failure"] = " ".join(f"{type(error).__name__}: {error}".split())
+        run_folder.write_json(folder, export_format.MANIFEST, manifest, durable=True)
+        return FAILED
+    return DONE

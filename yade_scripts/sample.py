@@ -1,0 +1,112 @@
+"""The sample in the simulation: discs between four walls, how it is loaded, and what is measured on it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from yade_scripts import export, materials, packing, walls
+
+try:
+    import yade
+except ImportError:
+    yade = None
+
+
+class Sample:
+    """Discs and walls of a biaxial test.
+
+    Attributes:
+        count: number of discs.
+        mean_radius: [m].
+        disc_area: sum of the discs' areas [m^2].
+        masses: (count,) [kg].
+        walls: the four walls in the simulation.
+        width, height: distances between opposite walls at the start [m].
+    """
+
+    def __init__(self, values: Mapping[str, Any], start: packing.Packing) -> None:
+        """Put a packing's discs and walls into an empty simulation, at rest, with the contact rules of `values`."""
+        self.values = values
+        self.count = len(start.radii)
+        self.mean_radius = float(start.radii.mean())
+        self.disc_area = math.pi * float((start.radii**2).sum())
+        self.masses, inertias = materials.masses_and_inertias(
+            start.radii, values["density"], values["mass"], values["shape"]
+        )
+        self.rules = materials.contact_rules(values)
+        materials.add_discs(start.radii, start.positions, self.masses, inertias, self.rules)
+        self.walls = walls.add_walls(start.faces, float(start.radii.max()), self.rules)
+        self.width, self.height = walls.extents(self.walls)
+        yade.O.engines = materials.engines(self.rules, values["damping"])
+        for wall in (walls.LEFT, walls.RIGHT):
+            walls.release(self.walls, wall, self.wall_mass)
+
+    @property
+    def wall_mass(self) -> float:
+        """Mass of each side wall [kg]."""
+        return packing.wall_mass(float(self.masses.mean()), self.count)
+
+    def press(self) -> None:
+        """Push the side walls with the confining stress over the height they confine now."""
+        walls.push(self.walls, (walls.LEFT, walls.RIGHT), self.values["confining_stress"])
+
+    def load(self, strain_rate: float) -> None:
+        """Set the bottom and top walls moving, and the discs with them as in a homogeneous compression.
+
+        Walls that start into a sample at rest send a stress wave through it, some per cent of the confining stress.
+        """
+        for wall in (walls.BOTTOM, walls.TOP):
+            walls.drive(self.walls, wall, strain_rate * self.height / 2)
+        _, _, bottom, top = walls.faces(self.walls)
+        for number in range(self.count):
+            state = yade.O.bodies[number].state
+            state.vel = (0, -strain_rate * (state.pos[1] - (bottom + top) / 2), 0)
+
+    def advance(self, count: int) -> float:
+        """Make `count` steps; return the sum over them of the confining stress's relative error."""
+        advance, force = yade.O.step, yade.O.forces.f
+        left, right = self.walls.body[walls.LEFT], self.walls.body[walls.RIGHT]
+        surplus = 0.0
+        for _ in range(count):
+            advance()
+            # The force on a free wall is what the contacts exceed the push by.
+            surplus += force(right)[0] - force(left)[0]
+        if self.values["rolling_stiffness_radius"] == "mean" and self.rules.bears_moment:
+            ratio, stiffness = self.values["rolling_stiffness_ratio"], self.values["normal_stiffness"]
+            materials.set_rolling_stiffness(ratio * stiffness * self.mean_radius**2)
+        _, height = walls.extents(self.walls)
+        return surplus / (2 * self.values["confining_stress"] * height)
+
+    def axial_strain(self) -> float:
+        """Engineering strain along y since the start, compression positive."""
+        return 1 - walls.extents(self.walls)[1] / self.height
+
+    def history_row(self, servo_error: float) -> dict[str, float]:
+        """One row of the history, with the confining stress's mean error since the row before."""
+        width, height = walls.extents(self.walls)
+        lateral, axial = walls.stresses(self.walls)
+        with walls.held(self.walls):
+            unbalanced, kinetic = yade.utils.unbalancedForce(), yade.utils.kineticEnergy()
+        return {
+            "axial_strain": 1 - height / self.height,
+            "lateral_strain": 1 - width / self.width,
+            "axial_stress": axial,
+            "lateral_stress": lateral,
+            "stress_ratio": (axial - lateral) / (axial + lateral),
+            "solid_fraction": self.disc_area / (width * height),
+            "coordination": packing.coordination(self.walls, self.count),
+            "unbalanced_force": unbalanced,
+            "kinetic_energy": kinetic,
+            "elastic_energy": materials.elastic_energy(),
+            "servo_error": servo_error,
+            "time": yade.O.time,
+            "iteration": yade.O.iter,
+        }
+
+    def escaped(self, particles: export.Table) -> int:
+        """Count discs whose centre is outside the walls."""
+        left, right, bottom, top = walls.faces(self.walls)
+        inside = (particles["x"] > left) & (particles["x"] < right) & (particles["y"] > bottom) & (particles["y"] < top)
+        return int((~inside).sum())
