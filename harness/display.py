@@ -15,7 +15,7 @@ from harness.study import RUNS
 
 LINE_EVERY_S = 30.0
 BAR_EVERY_S = 0.5
-BAR = "{desc} {percentage:3.0f}%|{bar:24}| {postfix}"
+BAR = "{percentage:3.0f}%|{bar:24}| {desc}"
 
 # Its thread would be there when processes are started, for nothing: the bars are refreshed by hand
 tqdm.monitor_interval = 0
@@ -131,7 +131,7 @@ class Bars:
                 strain, target = progress.get("axial_strain"), progress.get("target_strain")
                 if isinstance(strain, int | float) and isinstance(target, int | float) and target > 0:
                     bar.n = min(1.0, max(0.0, strain / target))
-                bar.set_postfix_str(progress_words(progress), refresh=False)
+                bar.set_description_str(f"{name}: {progress_words(progress)}", refresh=False)
             bar.refresh()
         if self._all is not None:
             self._all.refresh()
