@@ -21,6 +21,7 @@ LENGTH = 5  # discs of a column: three segments each
 GROWTH_DEG = 5.0
 FORCE = (12.0, 8.0)  # N, at the start and the end of the drop
 LATERAL = 1.5  # N, from a weak disc on the middle disc of every segment
+ROTATION_DEG = 10.0
 PEAK = 0.7
 
 
@@ -67,7 +68,9 @@ def arrays(axial_strain: float, seed: int, force_factor: float = 1.0) -> dict[st
         "radius": np.full(n, RADIUS),
         "x": position[:, 0],
         "y": position[:, 1],
-        "rotation": np.radians(10.0) * _share(axial_strain) * np.where(np.arange(n) % 2, -1.0, 1.0),
+        "rotation": np.radians(ROTATION_DEG)
+        * _share(axial_strain)
+        * np.arange(n),  # ends of a segment: two steps apart
         **dict.fromkeys(("vx", "vy", "spin"), np.zeros(n)),
     }
     contact = {

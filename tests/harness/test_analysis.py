@@ -15,6 +15,7 @@ from buckling_study import (
     LENGTH,
     N_COLUMNS,
     RADIUS,
+    ROTATION_DEG,
     STIFFNESS,
     first_angle_deg,
     write_buckling_run,
@@ -58,6 +59,7 @@ def test_averages_are_the_known_numbers(found: Analysis) -> None:
     assert first["normal_displacement_over_R"] == pytest.approx(FORCE[0] / STIFFNESS / RADIUS, rel=1e-9)
     assert last["normal_displacement_over_R"] == pytest.approx(FORCE[1] / STIFFNESS / RADIUS, rel=1e-9)
     assert averages["lateral_force_N"].to_numpy() == pytest.approx(LATERAL, rel=1e-9)
+    assert last["rotation_deg"] == pytest.approx(ROTATION_DEG, rel=1e-9)
     shortening = [
         4 * (np.cos(np.radians(first_angle_deg(s))) - np.cos(np.radians(first_angle_deg(s) + GROWTH_DEG)))
         for s in SEEDS
