@@ -16,7 +16,8 @@ from typing import Any
 
 SCRIPT = Path(sys.argv[0] if __name__ == "__main__" else __file__).resolve()
 if __name__ == "__main__":
-    sys.path.insert(0, str(SCRIPT.parent.parent))
+    # Last: installed, that folder holds the packages of another Python, which must not hide YADE's own
+    sys.path.append(str(SCRIPT.parent.parent))
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # one thread repeats bit for bit; read when YADE is imported
 
 # ruff: noqa: E402

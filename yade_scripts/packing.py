@@ -19,7 +19,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 if __name__ == "__main__":
-    sys.path.insert(0, str(Path(sys.argv[0]).resolve().parent.parent))
+    # Last: installed, that folder holds the packages of another Python, which must not hide YADE's own
+    sys.path.append(str(Path(sys.argv[0]).resolve().parent.parent))
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # one thread repeats bit for bit; read when YADE is imported
 
 from yade_scripts import export, materials, parameters, run_folder, walls
