@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
+from forcechain.theory.history import unloading
 from forcechain.theory.parameters import ChainParameters
 from forcechain.theory.states import ChainState, Status
 from forcechain.theory.three_particle import loading, straight
@@ -30,13 +31,15 @@ def _defined(state: ChainState, values: np.ndarray) -> np.ndarray:
 
 
 def theory_curves(parameters: ChainParameters, largest_angle: float) -> dict[str, ChainState]:
-    """The model's states along loading, perfect and imperfect, up to `largest_angle` [rad], and the straight stage."""
+    """The model's states: straight, loaded up to `largest_angle` [rad] from perfect and imperfect, and unloaded."""
     imperfect = parameters.with_ratios(imperfection_deg=IMPERFECTION_DEG)
     start = np.radians(IMPERFECTION_DEG)
+    unloading_from = 0.93 * largest_angle
     return {
         "straight": straight(parameters, np.linspace(0, float(critical_displacement(parameters)), 20)),
         "perfect": loading(parameters, np.linspace(0, largest_angle, POINTS)),
         "imperfect": loading(imperfect, np.linspace(start, largest_angle, POINTS)),
+        "unloading": unloading(parameters, unloading_from, np.linspace(unloading_from, 0, POINTS), sliders="held"),
     }
 
 
@@ -79,8 +82,9 @@ def _draw_theory(curves: dict[str, ChainState], x: str, x_factor: float, y: str,
         "straight": THEORY,
         "perfect": THEORY | {"label": "model, straight column"},
         "imperfect": THEORY
-        | {"color": "0.45", "linestyle": ":", "label": f"model, imperfection {IMPERFECTION_DEG:g}°"},
+        | {"color": "0.45", "linestyle": ":", "linewidth": 1.2, "label": f"model, imperfection {IMPERFECTION_DEG:g}°"},
     }
+    looks["unloading"] = THEORY | {"linewidth": 0.8, "linestyle": "-.", "label": "model, unloading (4)"}
     for name, state in curves.items():
         ax.plot(
             _defined(state, x_factor * getattr(state, x)), _defined(state, y_factor * getattr(state, y)), **looks[name]
