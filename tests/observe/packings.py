@@ -77,6 +77,17 @@ def column(angles_deg: Sequence[float], force=10.0, radius=1e-3) -> Snapshot:
     return build(position, radius, contacts)
 
 
+def branched(radius=1e-3) -> Snapshot:
+    """A trunk 0-1-2 up from the wall; from 2 two branches, 3-4 straight on and 5-6 at 30 degrees to the right."""
+    tilt = np.radians(30)
+    step = np.array((np.sin(tilt), np.cos(tilt)))
+    up = np.array((0.0, 1.0))
+    position = 2 * radius * np.array([0 * up, up, 2 * up, 3 * up, 4 * up, 2 * up + step, 2 * up + 2 * step])
+    contacts = [(0, (-3, -90), 18.7), (0, 1, 18.7), (1, 2, 18.7), (2, 3, 10.0), (3, 4, 10.0), (4, (-4, 90), 10.0)]
+    contacts += [(2, 5, 10.0), (5, 6, 10.0), (6, (-4, 60), 10.0)]
+    return build(position, radius, contacts)
+
+
 def random_packing(seed: int, side: int = 12, radius=1e-3) -> Snapshot:
     """About side x side bidisperse discs, dense, in a box, with broad random forces, some at their limits."""
     rng = np.random.default_rng(seed)

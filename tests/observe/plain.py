@@ -50,6 +50,16 @@ class PlainSnapshot:
     def touching(self, i):
         return {partner for partner, _, _ in self.of[i]}
 
+    @classmethod
+    def once(cls, snapshot):
+        """The same, made only once for one snapshot."""
+        if id(snapshot) not in _MADE:
+            _MADE[id(snapshot)] = (snapshot, cls(snapshot))  # the snapshot is kept, so that its id stays its own
+        return _MADE[id(snapshot)][1]
+
+
+_MADE = {}
+
 
 def stress(s, i, weight):
     total = [[0.0, 0.0], [0.0, 0.0]]
@@ -66,7 +76,7 @@ def stress(s, i, weight):
 def chains(snapshot, options, seed=0):
     """Highly stressed particles, links {pair: {particle: cosine}}, chains as sets, principal directions."""
     signs = random.Random(seed)
-    s = PlainSnapshot(snapshot)
+    s = PlainSnapshot.once(snapshot)
     major, direction = [], []
     for i in range(s.n):
         values, vectors = np.linalg.eigh(stress(s, i, options.stress_weight))
@@ -146,7 +156,7 @@ def angle(s, segment):
 
 
 def measures(snapshot, reference, segment):
-    s, start = PlainSnapshot(snapshot), PlainSnapshot(reference)
+    s, start = PlainSnapshot.once(snapshot), PlainSnapshot.once(reference)
     one, two, three = segment
     line = np.subtract(s.centre[three], s.centre[one])
     length = float(np.linalg.norm(line))
@@ -194,7 +204,7 @@ def energy(s, i, terms):
 
 
 def buckled(reference, end, found_segments, in_chains, options):
-    before, after = PlainSnapshot(reference), PlainSnapshot(end)
+    before, after = PlainSnapshot.once(reference), PlainSnapshot.once(end)
 
     def lost(i):
         first = energy(before, i, options.energy_terms)
@@ -210,7 +220,7 @@ def buckled(reference, end, found_segments, in_chains, options):
 
 def classify(snapshots, segment, in_chains, options):
     """First increments (chain moment, weak network, chain sliding) or None, and the class."""
-    instants = [PlainSnapshot(snapshot) for snapshot in snapshots]
+    instants = [PlainSnapshot.once(snapshot) for snapshot in snapshots]
     one, two, three = segment
     own = [(min(end, two), max(end, two)) for end in (one, three)]
 

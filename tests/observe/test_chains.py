@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from packings import build, column, random_packing, relabelled, take_contacts, turned
+from packings import branched, build, column, random_packing, relabelled, take_contacts, turned
 
 from forcechain.observe.chains import find_chains
 from forcechain.observe.options import AnalysisOptions
@@ -54,17 +54,6 @@ def test_zigzag(angle, n_segments):
     assert len(segments) == n_segments
     tight = AnalysisOptions(stress_threshold=0.5, alignment_angle=math.radians(off - 1))
     assert observe(snapshot, tight)[0].n_chains == 0
-
-
-def branched():
-    """A trunk 0-1-2 up from the wall; from 2 two branches, 3-4 straight on and 5-6 at 30 degrees to the right."""
-    tilt = math.radians(30)
-    step = np.array((math.sin(tilt), math.cos(tilt)))
-    up = np.array((0.0, 1.0))
-    position = 2 * R * np.array([0 * up, up, 2 * up, 3 * up, 4 * up, 2 * up + step, 2 * up + 2 * step])
-    contacts = [(0, (-3, -90), 18.7), (0, 1, 18.7), (1, 2, 18.7), (2, 3, 10.0), (3, 4, 10.0), (4, (-4, 90), 10.0)]
-    contacts += [(2, 5, 10.0), (5, 6, 10.0), (6, (-4, 60), 10.0)]
-    return build(position, R, contacts)
 
 
 def test_branched_chain():
