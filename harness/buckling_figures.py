@@ -77,6 +77,21 @@ def plot_buckling(
     return axes
 
 
+def plot_force(averages: pd.DataFrame, parameters: ChainParameters, *, ax: Axes, name: str) -> Axes:
+    """Draw the axial force against the buckling angle alone, on the loading curve of the straight column."""
+    largest = max(30.0, 1.15 * float(averages["buckling_angle_deg"].max()))
+    curves = theory_curves(parameters, np.radians(largest))
+    _draw_theory(
+        {name: curves[name] for name in ("straight", "perfect")}, "angle", np.degrees(1.0), "axial_force", 1.0, ax=ax
+    )
+    _draw_data(averages, "buckling_angle_deg", "axial_force_N", ax=ax, name=name)
+    ax.set_xlabel(label(r"buckling angle $\theta$", "deg"))
+    ax.set_ylabel(label("axial force $F$", "N"))
+    ax.set_xlim(-1, largest)
+    ax.set_ylim(bottom=0)
+    return ax
+
+
 def _draw_theory(curves: dict[str, ChainState], x: str, x_factor: float, y: str, y_factor: float, *, ax: Axes) -> Axes:
     looks = {
         "straight": THEORY,

@@ -14,8 +14,14 @@ import forcechain
 from harness.analysis import Analysis
 from harness.comparison import ModelCurves
 from harness.exports import Run, read_run, run_folders
-from harness.figure_style import style
-from harness.report_pictures import behaviour_picture, buckling_picture, packing_pictures
+from harness.report_pictures import (
+    Picture,
+    behaviour_picture,
+    buckling_picture,
+    busiest_drop,
+    packing_pictures,
+    summary_picture,
+)
 from harness.report_tables import (
     Table,
     average_table,
@@ -30,6 +36,7 @@ from harness.report_tables import (
 )
 from harness.study import RunSettings
 from harness.verdicts import Row, Verdict, failed
+from yade_scripts.run_folder import write
 
 VERDICT_WORDS = (
     "A row passes when data and reference differ by no more than the tolerance: two standard errors, or twice the "
@@ -39,23 +46,47 @@ VERDICT_WORDS = (
 
 
 def write_report(
-    analysis: Analysis, rows: Sequence[Row], curves: Mapping[str, ModelCurves], settings: RunSettings, path: Path
+    analysis: Analysis,
+    rows: Sequence[Row],
+    curves: Mapping[str, ModelCurves],
+    settings: RunSettings,
+    path: Path,
+    figures: tuple[Path, str] | None = None,
 ) -> Path:
-    """Write the page to `path`, whole or not at all, and return it."""
-    runs = {
-        name: read_run(folder)
-        for folder in run_folders(analysis.directory)
-        if (name := folder.name) in set(analysis.runs["run"])
-    }
-    environment = Environment(
-        loader=PackageLoader("harness"), autoescape=True, undefined=StrictUndefined, trim_blocks=False
-    )
-    with style():
-        page = environment.get_template("report.html.j2").render(_context(analysis, rows, curves, settings, runs))
-    temporary = path.with_suffix(".tmp")
-    temporary.write_text(page, encoding="utf-8")
-    temporary.replace(path)
+    """Write the page to `path`, whole or not at all, and return it.
+
+    `figures` is a folder and a format ("png", "svg" or "pdf") in which every figure is written as well.
+    """
+    analysed = set(analysis.runs["run"])
+    runs = {folder.name: read_run(folder) for folder in run_folders(analysis.directory) if folder.name in analysed}
+    pictures = study_pictures(analysis, curves, runs)
+    environment = Environment(loader=PackageLoader("harness"), autoescape=True, undefined=StrictUndefined)
+    context = _context(analysis, rows, curves, settings, runs, pictures)
+    page = environment.get_template("report.html.j2").render(context)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write(path.parent, path.name, page.encode())
+    if figures is not None:
+        folder, kind = figures
+        for picture in (picture for section in pictures.values() for picture in section):
+            write(folder, f"{picture.name}.{kind}", picture.render(kind))
     return path
+
+
+def study_pictures(
+    analysis: Analysis, curves: Mapping[str, ModelCurves], runs: Mapping[str, Run]
+) -> dict[str, list[Picture]]:
+    """Return the pictures of a study by section of the page: summary, behaviour, packing, buckling."""
+    pictures: dict[str, list[Picture]] = {"summary": [], "behaviour": [], "packing": [], "buckling": []}
+    for case in analysis.cases:
+        scene = busiest_drop(case, analysis, runs)
+        pictures["behaviour"].append(behaviour_picture(case, analysis, runs))
+        if scene is not None:
+            pictures["packing"] += packing_pictures(case, analysis, scene)
+        if case in curves:
+            pictures["buckling"].append(buckling_picture(case, analysis, curves[case]))
+        if scene is not None and case in curves and not pictures["summary"]:
+            pictures["summary"].append(summary_picture(case, analysis, scene, curves[case]))
+    return pictures
 
 
 def _context(
@@ -64,6 +95,7 @@ def _context(
     curves: Mapping[str, ModelCurves],
     settings: RunSettings,
     runs: Mapping[str, Run],
+    pictures: Mapping[str, list[Picture]],
 ) -> dict[str, Any]:
     n_failed = failed(list(rows))
     return {
@@ -74,13 +106,9 @@ def _context(
         "verdict_tables": [verdict_table(case, rows, analysis.particle_count(case)) for case in analysis.cases],
         "verdict_words": VERDICT_WORDS,
         "validity_table": validity_table(analysis, settings, runs),
-        "behaviour_figures": [behaviour_picture(case, analysis, runs) for case in analysis.cases],
+        "pictures": pictures,
         "drop_table": frame_table("The drops of the stress ratio.", analysis.drops.drop(columns="case")),
-        "packing_figures": [figure for case in analysis.cases for figure in packing_pictures(case, analysis, runs)],
         "class_tables": [class_table(case, analysis) for case in analysis.cases],
-        "buckling_figures": [
-            buckling_picture(case, analysis, curves[case]) for case in analysis.cases if case in curves
-        ],
         "average_tables": [average_table(case, analysis) for case in curves],
         "ledger_table": frame_table(
             "What each step left, at the start of each drop.", pd.DataFrame(list(analysis.ledger)).drop(columns="case")

@@ -1,4 +1,4 @@
-"""The pictures of the report, each as a data URI with its caption and words for those who cannot see it."""
+"""The pictures of the report, each with its caption and words for those who cannot see it."""
 
 from __future__ import annotations
 
@@ -9,13 +9,18 @@ from dataclasses import dataclass
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from forcechain.arrays import BoolArray, IntArray
 from forcechain.observe.filters import potential_energy
+from forcechain.observe.snapshot import Snapshot
 from harness.analysis import Analysis
-from harness.buckling_figures import plot_buckling
+from harness.buckling_figures import plot_buckling, plot_force
 from harness.comparison import ModelCurves
 from harness.exports import Run
+from harness.figure_style import style
 from harness.packing_figures import plot_discs, plot_filters, plot_forces, plot_segments
 from harness.study_figures import plot_stress_ratio, plot_volume_change
 from harness.text_table import number
@@ -26,36 +31,105 @@ VECTOR_LIMIT = 1500  # discs; above, a picture of the packing is a bitmap, or it
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
-    """A figure of the page as a data URI, with its caption and what it says to those who cannot see it."""
+    """A figure of the report: how to draw it, its caption, and what it says to those who cannot see it.
+
+    Attributes:
+        name: stem of its file and its place on the page.
+        caption, alternative: words below it, and instead of it.
+        size: width and height [inch].
+        draw: draws on an empty figure.
+        kind: "svg", or "png" where lines would be too many.
+    """
 
     name: str
-    uri: str
     caption: str
     alternative: str
+    size: tuple[float, float]
+    draw: Callable[[Figure], None]
+    kind: str = "svg"
 
-
-def _picture(
-    name: str,
-    caption: str,
-    alternative: str,
-    size: tuple[float, float],
-    draw: Callable[[Figure], None],
-    *,
-    bitmap: bool,
-) -> Picture:
-    figure = plt.figure(figsize=size)
-    try:
-        draw(figure)
+    def render(self, kind: str) -> bytes:
+        """Return the figure as a file of `kind` ("svg", "png" or "pdf"), the same bytes each time."""
         buffer = io.BytesIO()
-        if bitmap:
-            figure.savefig(buffer, format="png", metadata={"Software": None})
-        else:
-            figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    finally:
-        plt.close(figure)
-    kind = "png" if bitmap else "svg+xml"
-    uri = f"data:image/{kind};base64,{base64.b64encode(buffer.getvalue()).decode()}"
-    return Picture(name=name, uri=uri, caption=caption, alternative=alternative)
+        metadata: Mapping[str, dict[str, None]] = {
+            "svg": {"Date": None, "Creator": None},
+            "png": {"Software": None},
+            "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+        }
+        with style():
+            figure = plt.figure(figsize=self.size)
+            try:
+                self.draw(figure)
+                figure.savefig(buffer, format=kind, metadata=metadata[kind])
+            finally:
+                plt.close(figure)
+        return buffer.getvalue()
+
+    @property
+    def uri(self) -> str:
+        """The figure as a data URI."""
+        media = {"svg": "image/svg+xml", "png": "image/png"}[self.kind]
+        return f"data:{media};base64,{base64.b64encode(self.render(self.kind)).decode()}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """The packing at the start of one drop, with what the analysis found in it."""
+
+    where: str
+    counts: str
+    start: Snapshot
+    in_chain: BoolArray
+    lost_energy: BoolArray
+    segments: IntArray
+    classes: IntArray
+
+    @property
+    def aspect(self) -> float:
+        """Height over width."""
+        width, height = np.ptp(self.start.position, axis=0)
+        return float(height / width)
+
+    @property
+    def kind(self) -> str:
+        """File format for a picture of every disc."""
+        return "png" if self.start.n_particles > VECTOR_LIMIT else "svg"
+
+    def draw_network(self, ax: Axes) -> None:
+        """Discs of chains, buckled segments and contact forces."""
+        plot_discs(self.start, ax=ax, members=self.in_chain, colour="#BBD7EA")
+        plot_segments(self.start, self.segments, self.classes, ax=ax)
+        plot_forces(self.start, ax=ax)
+
+
+def busiest_drop(case: str, analysis: Analysis, runs: Mapping[str, Run]) -> Scene | None:
+    """Return the drop of a case with the most buckled segments; None if it has no drop."""
+    counted = [record for record in analysis.ledger if record["case"] == case]
+    if not counted:
+        return None
+    record = max(counted, key=lambda entry: entry["buckled_segments"])
+    name, drop = record["run"], record["drop"]
+
+    def of_drop(table: pd.DataFrame) -> pd.DataFrame:
+        chosen: pd.DataFrame = table[(table["run"] == name) & (table["drop"] == drop)]
+        return chosen
+
+    row = of_drop(analysis.drops).iloc[0]
+    start, end = (runs[name].snapshot(int(row[which])) for which in ("first_snapshot", "last_snapshot"))
+    yielding = of_drop(analysis.yielding)
+    in_chain = np.zeros(start.n_particles, dtype=np.bool_)
+    in_chain[of_drop(analysis.members)["particle"].to_numpy(dtype=np.int64)] = True
+    terms = analysis.options["energy_terms"]["value"]
+    return Scene(
+        where=f"{case}, {name}, drop {drop}, axial strain {start.axial_strain:.4f} to {end.axial_strain:.4f}",
+        counts=f"{record['in_chains']} of {record['particles']} discs are in force chains, {record['lost_energy']} of "
+        f"them lost potential energy, {record['buckled_segments']} three-particle segments buckled.",
+        start=start,
+        in_chain=in_chain,
+        lost_energy=potential_energy(end, terms) < potential_energy(start, terms),
+        segments=yielding[["particle_1", "particle_2", "particle_3"]].to_numpy(dtype=np.int64),
+        classes=yielding["buckling_class"].to_numpy(dtype=np.int64),
+    )
 
 
 def behaviour_picture(case: str, analysis: Analysis, runs: Mapping[str, Run]) -> Picture:
@@ -80,76 +154,82 @@ def behaviour_picture(case: str, analysis: Analysis, runs: Mapping[str, Run]) ->
             right.axis("off")
 
     more = f" {len(names) - len(shown)} more runs are not drawn." if len(names) > len(shown) else ""
-    return _picture(
-        f"behaviour-{analysis.cases.index(case)}",
-        f"{case}: stress ratio (left) and volume change, dilation positive (right). A triangle marks the start of a "
-        f"drop, the thick band its length. Peaks: {peaks}.{more}",
-        f"Two curves against axial strain for {case}. Peak stress ratios and their strains: {peaks}.",
-        (10, 3.8),
-        draw,
-        bitmap=False,
+    return Picture(
+        name=f"behaviour-{analysis.cases.index(case)}",
+        caption=f"{case}: stress ratio (left) and volume change, dilation positive (right). A triangle marks the start "
+        f"of a drop, the thick band its length. Peaks: {peaks}.{more}",
+        alternative=f"Two curves against axial strain for {case}. Peak stress ratios and their strains: {peaks}.",
+        size=(10, 3.8),
+        draw=draw,
     )
 
 
-def packing_pictures(case: str, analysis: Analysis, runs: Mapping[str, Run]) -> list[Picture]:
-    """Draw the drop with the most buckled segments: the three filters, and chains among the contact forces."""
-    counted = [record for record in analysis.ledger if record["case"] == case]
-    if not counted:
-        return []
-    record = max(counted, key=lambda entry: entry["buckled_segments"])
-    name, drop = record["run"], record["drop"]
-    of_drop = (analysis.drops["run"] == name) & (analysis.drops["drop"] == drop)
-    first, last = (int(analysis.drops.loc[of_drop, which].iloc[0]) for which in ("first_snapshot", "last_snapshot"))
-    start, end = runs[name].snapshot(first), runs[name].snapshot(last)
-    yielding = analysis.yielding[(analysis.yielding["run"] == name) & (analysis.yielding["drop"] == drop)]
-    segments = yielding[["particle_1", "particle_2", "particle_3"]].to_numpy(dtype=np.int64)
-    classes = yielding["buckling_class"].to_numpy(dtype=np.int64)
-    members = analysis.members[(analysis.members["run"] == name) & (analysis.members["drop"] == drop)]
-    in_chain = np.zeros(start.n_particles, dtype=np.bool_)
-    in_chain[members["particle"].to_numpy(dtype=np.int64)] = True
-    terms = analysis.options["energy_terms"]["value"]
-    lost = potential_energy(end, terms) < potential_energy(start, terms)
-    width, height = np.ptp(start.position, axis=0)
-    bitmap = start.n_particles > VECTOR_LIMIT
-    where = f"{case}, {name}, drop {drop}, axial strain {start.axial_strain:.4f} to {end.axial_strain:.4f}"
+def packing_pictures(case: str, analysis: Analysis, scene: Scene) -> list[Picture]:
+    """The three filters one after the other, and the chains among the contact forces."""
+    place = analysis.cases.index(case)
+
+    def legend(figure: Figure, ax: Axes) -> None:
+        if len(scene.segments):
+            figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=4)
 
     def draw_filters(figure: Figure) -> None:
         one, two, three = figure.subplots(1, 3)
-        plot_filters(start, in_chain, lost, segments, classes, axes=(one, two, three))
-        if len(segments):
-            figure.legend(*three.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+        plot_filters(
+            scene.start, scene.in_chain, scene.lost_energy, scene.segments, scene.classes, axes=(one, two, three)
+        )
+        legend(figure, three)
 
     def draw_forces(figure: Figure) -> None:
         ax = figure.subplots()
-        plot_discs(start, ax=ax, members=in_chain, colour="#BBD7EA")
-        plot_segments(start, segments, classes, ax=ax)
-        plot_forces(start, ax=ax)
-        if len(segments):
-            figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+        scene.draw_network(ax)
+        legend(figure, ax)
 
-    counts = (
-        f"{record['in_chains']} of {record['particles']} discs are in force chains, {record['lost_energy']} of them "
-        f"lost potential energy, {record['buckled_segments']} three-particle segments buckled."
-    )
     return [
-        _picture(
-            f"filters-{analysis.cases.index(case)}",
-            f"{where}: the three filters one after the other. {counts}",
-            f"Three pictures of the packing. {counts}",
-            (11, 3.2 * height / width + 1.0),
-            draw_filters,
-            bitmap=bitmap,
+        Picture(
+            name=f"filters-{place}",
+            caption=f"{scene.where}: the three filters one after the other. {scene.counts}",
+            alternative=f"Three pictures of the packing. {scene.counts}",
+            size=(11, 3.2 * scene.aspect + 1.0),
+            draw=draw_filters,
+            kind=scene.kind,
         ),
-        _picture(
-            f"forces-{analysis.cases.index(case)}",
-            f"{where}, at its start: contact forces as lines, as wide as the force is large; discs of force chains in "
-            "pale blue; buckled segments in the colour of their class.",
-            f"Contact-force network of the packing with force chains and buckled segments marked. {counts}",
-            (7.5, 6.9 * height / width + 0.8),
-            draw_forces,
-            bitmap=bitmap,
+        Picture(
+            name=f"forces-{place}",
+            caption=f"{scene.where}, at its start: contact forces as lines, as wide as the force is large; discs of "
+            "force chains in pale blue; buckled segments in the colour of their class.",
+            alternative=f"Contact-force network with force chains and buckled segments marked. {scene.counts}",
+            size=(7.5, 6.9 * scene.aspect + 0.8),
+            draw=draw_forces,
+            kind=scene.kind,
         ),
     ]
+
+
+def summary_picture(case: str, analysis: Analysis, scene: Scene, model: ModelCurves) -> Picture:
+    """The question and the answer side by side: chains that buckle, and their force against the model's."""
+    averages = analysis.averages[analysis.averages["case"] == case]
+
+    def draw(figure: Figure) -> None:
+        left, right = figure.subplots(1, 2, width_ratios=(1.05, 1))
+        scene.draw_network(left)
+        left.set_title("force chains (pale blue) and segments that buckle")
+        plot_force(averages, model.parameters, ax=right, name="simulations, 2 s.e.")
+        right.set_title("axial force while the chains buckle")
+        right.set_ylim(top=1.3 * right.get_ylim()[1])  # room for the legend above the error bars
+        right.legend(loc="upper right")
+        if len(scene.segments):
+            figure.legend(*left.get_legend_handles_labels(), loc="outside lower left", ncols=4)
+
+    return Picture(
+        name=f"summary-{analysis.cases.index(case)}",
+        caption=f"{scene.where}: left, the contact forces at its start; right, the axial force of all buckled "
+        f"segments, averaged, on the model's curve. {scene.counts}",
+        alternative=f"Left: contact-force network with buckled segments marked. Right: axial force against buckling "
+        f"angle, model and data. {scene.counts}",
+        size=(10.5, 5.0 * scene.aspect + 0.9),
+        draw=draw,
+        kind=scene.kind,
+    )
 
 
 def buckling_picture(case: str, analysis: Analysis, model: ModelCurves) -> Picture:
@@ -169,14 +249,13 @@ def buckling_picture(case: str, analysis: Analysis, model: ModelCurves) -> Pictu
         f"{last['axial_force_N']:.1f} N; the model gives {model.at_data.axial_force[0]:.1f} and "
         f"{model.at_data.axial_force[-1]:.1f} N at these angles."
     )
-    return _picture(
-        f"buckling-{analysis.cases.index(case)}",
-        f"{case}: axial force F (a), axial displacement (b), rotation (c) and normal displacement (d) against the "
-        f"buckling angle, and force against displacement (e). Lines: the model, its stages numbered; points: averages "
-        f"over all buckled segments at each increment, the displacement starting from the model's at the "
+    return Picture(
+        name=f"buckling-{analysis.cases.index(case)}",
+        caption=f"{case}: axial force F (a), axial displacement (b), rotation (c) and normal displacement (d) against "
+        f"the buckling angle, and force against displacement (e). Lines: the model, its stages numbered; points: "
+        f"averages over all buckled segments at each increment, the displacement starting from the model's at the "
         f"first angle. {told}",
-        told,
-        (10, 6),
-        draw,
-        bitmap=False,
+        alternative=told,
+        size=(10, 6),
+        draw=draw,
     )

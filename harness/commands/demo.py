@@ -31,7 +31,7 @@ def execute(options: argparse.Namespace) -> int:
     status = exit_status(states)
     if status != EXIT_GOOD:
         return status
-    later = argparse.Namespace(directory=directory, json=False, output=None)
+    later = argparse.Namespace(directory=directory, json=False, output=None, figures=None)
     return max(load(step).execute(later) for step in ("compare", "report"))
 
 

@@ -20,6 +20,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("directory", metavar="DIR", type=Path, help="a study's folder, or a single run's")
     parser.add_argument("--output", metavar="FILE", type=Path, help="where to write it (default: DIR/report.html)")
+    parser.add_argument(
+        "--figures", metavar="FOLDER", type=Path, help="write every figure as a file of its own as well"
+    )
+    parser.add_argument("--format", choices=("png", "svg", "pdf"), default="png", help="of --figures (default: png)")
     parser.add_argument("--json", action="store_true", help="print the path as JSON")
 
 
@@ -30,6 +34,7 @@ def execute(args: argparse.Namespace) -> int:
     analysis = analyse(args.directory)
     rows, curves = compare(analysis, ratios)
     settings = study.run if study is not None else RunSettings()
-    path = write_report(analysis, rows, curves, settings, args.output or args.directory / "report.html")
+    figures = (args.figures, args.format) if args.figures is not None else None
+    path = write_report(analysis, rows, curves, settings, args.output or args.directory / "report.html", figures)
     print(json.dumps({"report": str(path)}) if args.json else f"report: {path}")
     return tell_left_out(analysis.left_out)

@@ -61,7 +61,7 @@ def test_the_page_is_whole_and_fetches_nothing(page: Page) -> None:
 
 
 def test_every_figure_is_there_and_described(page: Page) -> None:
-    assert len(page.images) == 4  # behaviour, filters, forces, buckling
+    assert len(page.images) == 5  # summary, behaviour, filters, forces, buckling
     for image in page.images:
         assert len(str(image["alt"])) > 40
         kind, _, content = str(image["src"]).partition(";base64,")
@@ -92,6 +92,14 @@ def test_the_same_study_gives_the_same_figures(tmp_path: Path) -> None:
         assert main(["report", str(directory), "--output", str(tmp_path / name)]) == 0
         pages.append(re.findall(r'src="([^"]+)"', (tmp_path / name).read_text()))
     assert pages[0] == pages[1]
+
+
+def test_figures_can_be_had_as_files(tmp_path: Path) -> None:
+    directory = write_buckling_study(tmp_path / "zigzag", (1,))
+    assert main(["report", str(directory), "--figures", str(tmp_path / "figures"), "--format", "pdf"]) == 0
+    names = {path.name for path in (tmp_path / "figures").iterdir()}
+    assert names == {f"{stem}-0.pdf" for stem in ("summary", "behaviour", "filters", "forces", "buckling")}
+    assert all(path.read_bytes().startswith(b"%PDF") for path in (tmp_path / "figures").iterdir())
 
 
 def test_names_from_files_are_escaped(tmp_path: Path) -> None:
