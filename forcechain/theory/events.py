@@ -1,8 +1,8 @@
 """What a chain does next: which sliders slip from a given point on, and where along an arc that changes.
 
-The rule is that of rate-independent plasticity: a slider on its limit holds if the elastic response moves it inwards and
-slips otherwise, and slip must go forward. Where the moment would slip backwards the equilibrium needs a falling angle;
-where every choice contradicts itself there is no equilibrium to go on to.
+The rule is that of rate-independent plasticity: a slider on its limit holds if the elastic response moves it inwards,
+otherwise it slips, and slip must go forward. Where the moment would slip backwards the equilibrium needs a falling
+angle; where every choice contradicts itself there is no equilibrium to go on to.
 """
 
 from __future__ import annotations
