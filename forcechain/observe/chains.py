@@ -86,14 +86,8 @@ def find_chains(snapshot: Snapshot, options: AnalysisOptions) -> Chains:
     angle = _alignment_angle(snapshot, bears, options)
     links, rows, cosines = _links(snapshot, highly, stress.direction, angle)
     n = snapshot.n_particles
-    graph = sparse.coo_array((np.ones(len(links), dtype=np.int8), (links[:, 0], links[:, 1])), shape=(n, n))
-    _, component = csgraph.connected_components(graph, directed=False)
-    size = np.bincount(component, minlength=1)
-    kept = size >= options.minimum_chain_length
-    number = np.where(kept, np.cumsum(kept) - 1, -1)
-    label = number[component].astype(np.int64)
+    label, length = _components(links, n, options.minimum_chain_length)
     degree = np.bincount(links.ravel(), minlength=n)
-    length = size[kept].astype(np.int64)
     return Chains(
         bearing_force=bears,
         highly_stressed=highly,
@@ -108,6 +102,25 @@ def find_chains(snapshot: Snapshot, options: AnalysisOptions) -> Chains:
         degree=degree,
         branch_points=np.bincount(label[(degree > 2) & (label >= 0)], minlength=len(length)),
     )
+
+
+def _components(links: IntArray, n_particles: int, fewest: int) -> tuple[IntArray, IntArray]:
+    """Return the label (n_particles,) and the length (n_chains,) of the components of `fewest` particles or more."""
+    linked = np.zeros(n_particles, dtype=np.bool_)
+    linked[links] = True
+    particle = np.flatnonzero(linked)
+    node = np.cumsum(linked) - 1
+    ends = node[links]
+    shape = (len(particle), len(particle))
+    graph = sparse.coo_array((np.ones(len(links), dtype=np.int8), (ends[:, 0], ends[:, 1])), shape=shape)
+    label = np.full(n_particles, -1, dtype=np.int64)
+    if not len(links):
+        return label, np.zeros(0, dtype=np.int64)
+    _, component = csgraph.connected_components(graph, directed=False)
+    size = np.bincount(component)
+    kept = size >= fewest
+    label[particle] = np.where(kept, np.cumsum(kept) - 1, -1)[component]
+    return label, size[kept].astype(np.int64)
 
 
 def _alignment_angle(snapshot: Snapshot, bears: BoolArray, options: AnalysisOptions) -> float:
@@ -127,8 +140,8 @@ def _links(
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return the linked pairs (n_links, 2), their contacts (n_links,) and absolute cosines (n_links, 2)."""
     first, second = snapshot.contact_ids.T
-    rows = np.flatnonzero((second >= 0) & (snapshot.normal_force > 0))
-    rows = rows[highly[first[rows]] & highly[second[rows]]]
+    rows = np.flatnonzero(highly[first] & (second >= 0) & (snapshot.normal_force > 0))
+    rows = rows[highly[second[rows]]]
     low = np.minimum(first[rows], second[rows])
     high = np.maximum(first[rows], second[rows])
     branch = snapshot.position[high] - snapshot.position[low]

@@ -61,33 +61,37 @@ def find_segments(snapshot: Snapshot, chains: Chains, options: AnalysisOptions) 
     ahead = np.einsum("ij,ij->i", branch, chains.stress.direction[owner]) > 0
     side = 2 * owner + ahead
     if options.segment_rule == "best":
-        kept = _best_of_each_side(side, cosine, np.concatenate((force, force)), partner, 2 * snapshot.n_particles)
-        owner, partner, side, ahead = owner[kept], partner[kept], side[kept], ahead[kept]
-    segments = _pairs_across(owner, partner, side, ahead)
+        segments = _best_pairs(side, cosine, np.concatenate((force, force)), partner, snapshot.n_particles)
+    else:
+        segments = _every_pair(owner, partner, side, ahead)
     if options.wall_segments == "drop":
         at_wall = np.zeros(snapshot.n_particles, dtype=np.bool_)
         at_wall[snapshot.contact_ids[snapshot.contact_ids[:, 1] < 0, 0]] = True
         segments = segments[~at_wall[segments].any(axis=1)]
     low, high = np.minimum(segments[:, 0], segments[:, 2]), np.maximum(segments[:, 0], segments[:, 2])
     segments = np.stack((low, segments[:, 1], high), axis=1)
-    segments = segments[np.lexsort((high, low, segments[:, 1]))]
+    if options.segment_rule == "every":  # the best come in order
+        segments = segments[np.lexsort((high, low, segments[:, 1]))]
     freeze(segments)
     return segments
 
 
-def _best_of_each_side(
-    side: IntArray, cosine: FloatArray, force: FloatArray, partner: IntArray, n_sides: int
-) -> IntArray:
-    """Return the rows of the best link of each side, one a side."""
-    best = np.full(n_sides, -1.0)
+def _best_pairs(side: IntArray, cosine: FloatArray, force: FloatArray, partner: IntArray, n_particles: int) -> IntArray:
+    """Return the best (partner behind, owner, partner ahead) of each owner with both, in order of the owners."""
+    best = np.full(2 * n_particles, -1.0)
     np.maximum.at(best, side, cosine)
     rows = np.flatnonzero(cosine >= best[side] - BOUNDARY_TOLERANCE)
-    # Few sides have a tie, so sorting what is left costs little.
-    rows = rows[np.lexsort((partner[rows], -force[rows], side[rows]))]
-    return rows[np.flatnonzero(np.diff(side[rows], prepend=-1))]
+    tied = np.bincount(side[rows], minlength=2 * n_particles)[side[rows]] > 1
+    chosen = np.full(2 * n_particles, -1, dtype=np.int64)
+    chosen[side[rows[~tied]]] = partner[rows[~tied]]
+    ties = rows[tied]
+    ties = ties[np.lexsort((-partner[ties], force[ties], side[ties]))]
+    chosen[side[ties]] = partner[ties]  # the last of a side wins: the largest force, then the smallest number
+    owner = np.flatnonzero((chosen[0::2] >= 0) & (chosen[1::2] >= 0))
+    return np.stack((chosen[2 * owner], owner, chosen[2 * owner + 1]), axis=1)
 
 
-def _pairs_across(owner: IntArray, partner: IntArray, side: IntArray, ahead: IntArray) -> IntArray:
+def _every_pair(owner: IntArray, partner: IntArray, side: IntArray, ahead: IntArray) -> IntArray:
     """Return every (partner behind, owner, partner ahead), shape (n, 3)."""
     order = np.argsort(side, kind="stable")
     owner, partner, ahead, side = owner[order], partner[order], ahead[order], side[order]

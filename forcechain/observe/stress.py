@@ -46,17 +46,15 @@ def particle_stress(snapshot: Snapshot, *, weight: str = "area") -> FloatArray:
     n = snapshot.n_particles
     first, second = snapshot.contact_ids.T
     force_x, force_y = _components(snapshot)
-    point_x, point_y = snapshot.contact_point.T
-    x, y = snapshot.position.T
-    arm_x, arm_y = point_x - x[first], point_y - y[first]
+    arm_x, arm_y = (snapshot.contact_point - snapshot.position[first]).T
     xx = sum_at(first, force_x * arm_x, n)
     yy = sum_at(first, force_y * arm_y, n)
     xy = sum_at(first, 0.5 * (force_x * arm_y + force_y * arm_x), n)
+    point = snapshot.contact_point
     if (second < 0).any():
         inside = np.flatnonzero(second >= 0)
-        second, force_x, force_y = second[inside], force_x[inside], force_y[inside]
-        point_x, point_y = point_x[inside], point_y[inside]
-    arm_x, arm_y = point_x - x[second], point_y - y[second]
+        second, force_x, force_y, point = second[inside], force_x[inside], force_y[inside], point[inside]
+    arm_x, arm_y = (point - snapshot.position[second]).T
     xx -= sum_at(second, force_x * arm_x, n)
     yy -= sum_at(second, force_y * arm_y, n)
     xy -= sum_at(second, 0.5 * (force_x * arm_y + force_y * arm_x), n)
