@@ -73,6 +73,15 @@ def freeze(*arrays: NDArray[Any]) -> None:
         array.setflags(write=False)
 
 
+def columns(array: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return the two columns of an array (n, 2), each contiguous: gathering from them is several times faster.
+
+    >>> columns(np.array([[1, 2], [3, 4]]))
+    (array([1, 3]), array([2, 4]))
+    """
+    return np.ascontiguousarray(array[:, 0]), np.ascontiguousarray(array[:, 1])
+
+
 def sum_at(index: IntArray, values: FloatArray, size: int) -> FloatArray:
     """Return the sums (size,) of the `values` (n,) that share an `index` (n,) of 0 to size - 1.
 

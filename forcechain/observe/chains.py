@@ -8,7 +8,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from forcechain.arrays import BoolArray, FloatArray, IntArray, freeze
+from forcechain.arrays import BoolArray, FloatArray, IntArray, columns, freeze
 from forcechain.observe.options import AnalysisOptions
 from forcechain.observe.snapshot import Snapshot
 from forcechain.observe.stress import Principal, bearing_force, particle_stress, principal
@@ -139,19 +139,22 @@ def _links(
     snapshot: Snapshot, highly: BoolArray, direction: FloatArray, angle: float
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return the linked pairs (n_links, 2), their contacts (n_links,) and absolute cosines (n_links, 2)."""
-    first, second = snapshot.contact_ids.T
+    first, second = columns(snapshot.contact_ids)
     rows = np.flatnonzero(highly[first] & (second >= 0) & (snapshot.normal_force > 0))
     rows = rows[highly[second[rows]]]
     low = np.minimum(first[rows], second[rows])
     high = np.maximum(first[rows], second[rows])
-    branch = snapshot.position[high] - snapshot.position[low]
-    length = np.hypot(branch[:, 0], branch[:, 1])
+    x, y = columns(snapshot.position)
+    branch_x, branch_y = x[high] - x[low], y[high] - y[low]
+    length = np.hypot(branch_x, branch_y)
     touching = length == 0
     if touching.any():
         row = int(rows[int(np.argmax(touching))])
         raise ValueError(f"contacts row {row}: expected two centres, found both particles at one point")
+    along_x, along_y = columns(direction)
     cosine = np.empty((len(rows), 2))
     for side, particle in enumerate((low, high)):
-        cosine[:, side] = np.abs(np.einsum("ij,ij->i", branch, direction[particle])) / length
-    aligned = (cosine >= np.cos(angle) - BOUNDARY_TOLERANCE).all(axis=1)
+        cosine[:, side] = np.abs(branch_x * along_x[particle] + branch_y * along_y[particle]) / length
+    reach = np.cos(angle) - BOUNDARY_TOLERANCE
+    aligned = (cosine[:, 0] >= reach) & (cosine[:, 1] >= reach)
     return np.stack((low[aligned], high[aligned]), axis=1), rows[aligned], cosine[aligned]
