@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from harness.cli import load
+from harness import cli
 from harness.commands.run import RESULTS, launch, positive
 from harness.commands.status import exit_status, print_states
-from harness.errors import EXIT_GOOD, InputError
+from harness.errors import EXIT_GOOD, EXIT_VERDICT, InputError
 from harness.study import read_study
 
 HELP = "the main job, small: a real YADE study, post-processed, compared, reported"
@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Run the command: the exit status of the first step that is not good, or that of the comparison."""
+    """Run the command: the exit status of the first step that cannot be done, else that of the comparison."""
     study = read_study(study_file())
     directory = options.out or RESULTS / study.name
     states = launch(study, directory, options.jobs)
@@ -31,8 +31,11 @@ def execute(options: argparse.Namespace) -> int:
     status = exit_status(states)
     if status != EXIT_GOOD:
         return status
-    later = argparse.Namespace(directory=directory, json=False, output=None, figures=None)
-    return max(load(step).execute(later) for step in ("compare", "report"))
+    for step in ("compare", "report"):  # as a user would type them, with the defaults of their arguments
+        status = max(status, cli.main([step, str(directory)]))
+        if status > EXIT_VERDICT:
+            break
+    return status
 
 
 def study_file() -> Path:

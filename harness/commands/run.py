@@ -56,7 +56,10 @@ def launch(study: Study, directory: Path, jobs: int | None, engine: str = "local
 
     Options of the later steps are checked now: a slip in them shows before hours of running, not after.
     """
+    from harness.comparison import calibrated_ratios  # not at the top: it brings the whole analysis along
+
     read_options(study.analysis, str(study.source))
+    calibrated_ratios(study.compare, str(study.source))
     if directory.exists() and not directory.is_dir():
         raise InputError(f"{directory}: expected a folder for the results, found a file")
     return run_study(

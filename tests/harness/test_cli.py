@@ -183,6 +183,9 @@ def test_the_demo_runs_compares_and_reports(
     assert cli.main(["demo", "--out", str(tmp_path / "out")]) == 1
     assert steps == [("compare", tmp_path / "out"), ("report", tmp_path / "out")]
     steps.clear()
+    monkeypatch.setattr(cli.load("compare"), "execute", raising(InputError("no drop")))
+    assert cli.main(["demo", "--out", str(tmp_path / "out")]) == 2  # complete runs are not made again
+    assert steps == []
     fake_yade.behave({2: "crash"})
     assert cli.main(["demo", "--out", str(tmp_path / "second")]) == 3
     assert steps == []

@@ -335,9 +335,10 @@ def test_without_yade_it_says_how_to_get_it(
 def test_options_of_later_steps_are_checked_before_anything_runs(
     fake_yade: FakeYade, write_study: WriteStudy, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    study = write_study([1], text="[analysis]\nno_such_option = 1")
-    assert run(study) == 2
-    assert "unknown option 'no_such_option'" in capsys.readouterr().err
+    for table, said in (("analysis", "unknown option 'no_such_option'"), ("compare", "no_such_option")):
+        study = write_study([1], text=f"[{table}]\nno_such_option = 1")
+        assert run(study) == 2
+        assert said in capsys.readouterr().err
     assert fake_yade.calls() == []
 
 
