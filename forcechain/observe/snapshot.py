@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from forcechain.arrays import FloatArray, IntArray, float_array, freeze, int_array
+
+_Array = TypeVar("_Array", FloatArray, IntArray)
 
 LOWEST_WALL = -5
 NORMAL_TOLERANCE = 1e-6  # a unit normal written with 7 digits still passes
@@ -76,12 +79,9 @@ class Snapshot:
         shapes |= dict.fromkeys(("contact_point", "contact_normal"), (n_contacts, 2))
         shapes |= dict.fromkeys(CONTACT_SCALARS, (n_contacts,))
         for name, shape in shapes.items():
-            array = float_array(getattr(self, name), name, shape).copy()
-            freeze(array)
-            object.__setattr__(self, name, array)
-        ids = int_array(self.contact_ids, "contact_ids", (n_contacts, 2)).copy()
-        freeze(ids)
-        object.__setattr__(self, "contact_ids", ids)
+            object.__setattr__(self, name, _own(float_array(getattr(self, name), name, shape)))
+        ids = int_array(self.contact_ids, "contact_ids", (n_contacts, 2))
+        object.__setattr__(self, "contact_ids", _own(ids))
         for name in ("axial_strain", "time"):
             value = float(getattr(self, name))
             if not np.isfinite(value):
@@ -143,6 +143,14 @@ class Snapshot:
         normal = self.contact_normal
         turned = np.stack((-normal[:, 1], normal[:, 0]), axis=1)
         return self.normal_force[:, None] * normal + self.tangential_force[:, None] * turned
+
+
+def _own(array: _Array) -> _Array:
+    """Return `array` itself if nobody can write to it, else a read-only copy."""
+    if array.flags.writeable or not array.flags.owndata:
+        array = array.copy()
+        freeze(array)
+    return array
 
 
 CONTACT_SCALARS = (
