@@ -61,6 +61,8 @@ def run_study(
             try:
                 for _ in range(study.run.retries + 1):
                     todo = [run for run in study.planned_runs() if not _ended_well(states[run.run_id])]
+                    if not todo:
+                        break
                     for state in _attempt(study, directory, todo, yade, engine, jobs, display):
                         states[state.run_id] = state
             finally:

@@ -195,10 +195,10 @@ def test_the_time_limit_ends_a_run_and_all_it_started(
     fake_yade: FakeYade, write_study: WriteStudy, capsys: pytest.CaptureFixture[str], what: str
 ) -> None:
     fake_yade.behave({1: what})
-    study = write_study([1, 2], run={"time_limit_s": 1.5})
+    study = write_study([1, 2], run={"time_limit_s": 4})
     assert run(study) == 3
     found = states(study, capsys)
-    assert "was stopped at its time limit of 1.5 s" in found[1][1]
+    assert "was stopped at its time limit of 4 s" in found[1][1]
     assert found[2] == ("done", None)
     assert len(fake_yade.processes()) == 2
     assert all(gone(pid) for pid in fake_yade.processes())
@@ -372,7 +372,7 @@ def test_bars_are_drawn_on_a_terminal(
 ) -> None:
     fake_yade.behave({1: "hang"})
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
-    study = write_study([1, 2], run={"time_limit_s": 2})
+    study = write_study([1, 2], run={"time_limit_s": 4})
     assert run(study) == 3
     drawn: Any = capsys.readouterr().err
     assert re.search(r" 25%\|\S+ +\| seed1-\w+: strain 0.0250 of 0.1, 2900 steps/s, 1 min 15 s left", drawn)
