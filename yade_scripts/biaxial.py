@@ -64,7 +64,8 @@ def run(values: Mapping[str, Any], folder: Path, packings: Path) -> None:
             recorder.rows.append(sample.history_row(error_sum / error_steps))
             error_sum, error_steps = 0.0, 0
         if stop in snapshots:
-            particles = recorder.snapshot(sample.axial_strain(), sample.walls.numbers)
+            particles, contacts = sample.tables(recorder.rotation)
+            recorder.snapshot(sample.axial_strain(), particles, contacts)
             escaped = max(escaped, sample.escaped(particles))
         if stop == 0:
             sample.load(plan.strain_rate)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import io
 import math
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ Table = dict[str, np.ndarray]
 
 # Fixed, so that the same arrays make the same bytes.
 ARCHIVE_DATE = (1980, 1, 1, 0, 0, 0)
+REPETITIVE = ("id", "radius", "id1", "id2", "kn", "kt", "kr", "friction", "limit")  # last words of columns' names
 
 
 def disc_numbers() -> dict[int, int]:
@@ -69,16 +70,15 @@ def unwrapped(rotation: np.ndarray, previous: np.ndarray | None) -> np.ndarray:
     return np.asarray(rotation - 2 * math.pi * turns)
 
 
-def contact_table(numbers: Mapping[int, int]) -> Table:
-    """Columns of the contact table, sorted by id1 and id2.
+def contact_table(numbers: Mapping[int, int], interactions: Iterable[Any] | None = None) -> Table:
+    """Columns of the contact table, of all contacts or of those given, sorted by id1 and id2.
 
     `numbers` maps body numbers to discs (0 to n-1) and walls (negative). A contact of a body that is not in it is an
     error, as is a contact between two walls.
     """
     ids, rows = [], []
-    for interaction in yade.O.interactions:
+    for interaction in yade.O.interactions if interactions is None else interactions:
         geometry, physics = interaction.geom, interaction.phys
-        one, other = numbers[interaction.id1], numbers[interaction.id2]
         normal, point, shear = geometry.normal, geometry.contactPoint, physics.shearForce
         nx, ny = normal[0], normal[1]
         force = physics.normalForce
@@ -86,38 +86,70 @@ def contact_table(numbers: Mapping[int, int]) -> Table:
         ft = shear[1] * nx - shear[0] * ny
         rolling = isinstance(physics, yade.CohFrictPhys) and physics.momentRotationLaw
         moment, kr, limit = (physics.moment_bending[2], physics.kr, physics.maxRollPl) if rolling else (0.0, 0.0, 0.0)
-        if other < 0 or 0 <= one < other:
-            ids.append((one, other))
-        else:  # seen from the other side, the normal and the moment change sign and the tangential force does not
-            ids.append((other, one))
-            nx, ny, moment = -nx, -ny, -moment
         place = (point[0], point[1], nx, ny, geometry.penetrationDepth)
+        ids.append((numbers[interaction.id1], numbers[interaction.id2]))
         rows.append((*place, fn, ft, moment, physics.kn, physics.ks, kr, physics.tangensOfFrictionAngle, limit))
-    pair = np.array(ids, dtype=np.int64).reshape(len(ids), 2)
-    values = np.array(rows, dtype=np.float64).reshape(len(ids), 13)
-    if len(pair) and pair[:, 0].min() < 0:
-        raise ValueError("two walls touch each other: leave walls that are no part of the test out of the simulation")
-    order = np.lexsort((pair[:, 1], pair[:, 0]))
     names = export_format.names(export_format.CONTACT_COLUMNS)
-    table: Table = {"id1": pair[order, 0], "id2": pair[order, 1]}
-    return table | {name: values[order, column] for column, name in enumerate(names[2:])}
+    pair = np.array(ids, dtype=np.int64).reshape(len(ids), 2)
+    values = np.array(rows, dtype=np.float64).reshape(len(ids), len(names) - 2)
+    table: Table = {"id1": pair[:, 0], "id2": pair[:, 1]}
+    return in_order(table | {name: values[:, column] for column, name in enumerate(names[2:])})
+
+
+def in_order(contacts: Table) -> Table:
+    """Return the contacts as the format asks for them: walls second, else the lower id first, sorted by ids."""
+    one, other = contacts["id1"], contacts["id2"]
+    swap = (other >= 0) & ((one < 0) | (one > other))
+    first, second = np.where(swap, other, one), np.where(swap, one, other)
+    if (first < 0).any():
+        raise ValueError("two walls touch each other: leave walls that are no part of the test out of the simulation")
+    order = np.lexsort((second, first))
+    table = {name: values[order] for name, values in contacts.items()}
+    table["id1"], table["id2"] = first[order], second[order]
+    for name in ("nx", "ny", "moment"):  # from the other side these change sign, and the tangential force does not
+        table[name] = np.where(swap[order], -table[name], table[name])
+    return table
 
 
 def archive(arrays: Mapping[str, Any]) -> bytes:
     """Bytes of an npz archive of `arrays`; the same arrays give the same bytes.
 
+    Columns with few different values are packed tightly; the others, digits of measured numbers, would hardly shrink.
+
     >>> archive({"a": np.arange(3)}) == archive({"a": np.arange(3)})
     True
     """
     buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as target:
+    with zipfile.ZipFile(buffer, "w") as target:
         for name, array in arrays.items():
             with io.BytesIO() as member:
                 np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
                 info = zipfile.ZipInfo(f"{name}.npy", ARCHIVE_DATE)
-                info.compress_type = zipfile.ZIP_DEFLATED
+                packed = name.rpartition("_")[2] in REPETITIVE
+                info.compress_type = zipfile.ZIP_DEFLATED if packed else zipfile.ZIP_STORED
                 target.writestr(info, member.getvalue(), compresslevel=1)
     return buffer.getvalue()
+
+
+def tables(walls: Mapping[int, int], previous_rotation: np.ndarray | None = None) -> tuple[Table, Table]:
+    """Particle table and contact table of what YADE simulates now; the arguments are those of `write_snapshot`."""
+    discs = disc_numbers()
+    return particle_table(discs, previous_rotation), contact_table({**discs, **walls})
+
+
+def write_tables(
+    folder: str | Path, index: int, axial_strain: float, particles: Table, contacts: Table
+) -> run_folder.Product:
+    """Write a snapshot from its tables."""
+    arrays: dict[str, Any] = {
+        "axial_strain": np.float64(axial_strain),
+        "time": np.float64(yade.O.time),
+        "iteration": np.int64(yade.O.iter),
+    }
+    arrays |= {f"particle_{name}": values for name, values in particles.items()}
+    arrays |= {f"contact_{name}": values for name, values in contacts.items()}
+    name = f"{export_format.SNAPSHOTS}/{export_format.snapshot_name(index)}.npz"
+    return run_folder.write(Path(folder), name, archive(arrays))
 
 
 def write_snapshot(
@@ -132,15 +164,5 @@ def write_snapshot(
     `walls` maps body numbers of walls to -1 left, -2 right, -3 bottom, -4 top, -5 punch. Pass the rotation of the
     particle table returned by the last call as `previous_rotation`.
     """
-    discs = disc_numbers()
-    particles = particle_table(discs, previous_rotation)
-    contacts = contact_table({**discs, **walls})
-    arrays: dict[str, Any] = {
-        "axial_strain": np.float64(axial_strain),
-        "time": np.float64(yade.O.time),
-        "iteration": np.int64(yade.O.iter),
-    }
-    arrays |= {f"particle_{name}": values for name, values in particles.items()}
-    arrays |= {f"contact_{name}": values for name, values in contacts.items()}
-    name = f"{export_format.SNAPSHOTS}/{export_format.snapshot_name(index)}.npz"
-    return particles, contacts, run_folder.write(Path(folder), name, archive(arrays))
+    particles, contacts = tables(walls, previous_rotation)
+    return particles, contacts, write_tables(folder, index, axial_strain, particles, contacts)

@@ -26,6 +26,7 @@ class Recorder:
         rows: rows of the history, by column.
         snapshots: index, axial strain and time of each snapshot.
         largest_overlap: [m], over all snapshots.
+        rotation: (n,) of the discs in the last snapshot [rad].
     """
 
     def __init__(self, folder: Path) -> None:
@@ -38,15 +39,14 @@ class Recorder:
         self.largest_overlap = 0.0
         self.rotation: np.ndarray | None = None
 
-    def snapshot(self, axial_strain: float, walls: Mapping[int, int]) -> export.Table:
-        """Write the next snapshot; return its particle table. `walls` as for `export.write_snapshot`."""
+    def snapshot(self, axial_strain: float, particles: export.Table, contacts: export.Table) -> None:
+        """Write the next snapshot."""
         index = len(self.snapshots)
-        particles, contacts, product = export.write_snapshot(self.folder, index, axial_strain, walls, self.rotation)
+        product = export.write_tables(self.folder, index, axial_strain, particles, contacts)
         self.rotation = particles["rotation"]
         self.products[product.name] = product
         self.snapshots.append({"index": index, "axial_strain": axial_strain, "time": yade.O.time})
         self.largest_overlap = max(self.largest_overlap, float(contacts["overlap"].max(initial=0.0)))
-        return particles
 
     def write_history(self) -> None:
         """Write the history's rows as they are now."""

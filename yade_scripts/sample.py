@@ -6,7 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from yade_scripts import export, materials, packing, walls
+import numpy as np
+
+from yade_scripts import export, materials, packing, quick_tables, walls
 
 try:
     import yade
@@ -19,6 +21,8 @@ class Sample:
 
     Attributes:
         count: number of discs.
+        radii: (count,) [m].
+        states: of the discs in YADE.
         mean_radius: [m].
         disc_area: sum of the discs' areas [m^2].
         masses: (count,) [kg].
@@ -30,6 +34,7 @@ class Sample:
         """Put a packing's discs and walls into an empty simulation, at rest, with the contact rules of `values`."""
         self.values = values
         self.count = len(start.radii)
+        self.radii = start.radii
         self.mean_radius = float(start.radii.mean())
         self.disc_area = math.pi * float((start.radii**2).sum())
         self.masses, inertias = materials.masses_and_inertias(
@@ -37,6 +42,7 @@ class Sample:
         )
         self.rules = materials.contact_rules(values)
         materials.add_discs(start.radii, start.positions, self.masses, inertias, self.rules)
+        self.states = [yade.O.bodies[number].state for number in range(self.count)]
         self.walls = walls.add_walls(start.faces, float(start.radii.max()), self.rules)
         self.width, self.height = walls.extents(self.walls)
         yade.O.engines = materials.engines(self.rules, values["damping"])
@@ -104,6 +110,12 @@ class Sample:
             "time": yade.O.time,
             "iteration": yade.O.iter,
         }
+
+    def tables(self, previous_rotation: np.ndarray | None) -> tuple[export.Table, export.Table]:
+        """Particle table and contact table; `previous_rotation`: (count,) of the last snapshot [rad]."""
+        particles = quick_tables.particle_table(self.radii, self.states, previous_rotation)
+        mean_radius = self.mean_radius if self.values["rolling_stiffness_radius"] == "mean" else None
+        return particles, quick_tables.contact_table(particles, self.walls.numbers, self.rules, mean_radius)
 
     def escaped(self, particles: export.Table) -> int:
         """Count discs whose centre is outside the walls."""

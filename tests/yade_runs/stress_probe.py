@@ -31,5 +31,7 @@ for _ in range(250):
     sample.press()
 export.write_snapshot(sys.argv[3], 0, sample.axial_strain(), sample.walls.numbers)
 tensors = np.array([[list(row) for row in tensor] for tensor in yade.utils.bodyStressTensors()[: sample.count]])
+quick = sample.tables(None)
+export.write_tables(Path(sys.argv[3]) / "quick", 0, sample.axial_strain(), *quick)
 volumes = 4 / 3 * math.pi * start.radii**3  # YADE divides by a sphere's volume
 np.save(Path(sys.argv[3]) / "tensors.npy", tensors[:, :2, :2] * volumes[:, None, None])
