@@ -308,7 +308,12 @@ def _scalars(archive: Mapping[str, Any], where: str) -> dict[str, Any]:
         if value is None or np.asarray(value).ndim or np.asarray(value).dtype.kind not in "iuf":
             found = "nothing" if value is None else f"{np.asarray(value).dtype} of shape {np.asarray(value).shape}"
             raise InputError(f"{where}: {name}: expected one number, found {found}")
-        values[name] = np.asarray(value).item()
+        number = np.asarray(value).item()
+        if not np.isfinite(number):
+            raise InputError(f"{where}: {name}: expected a finite number, found {number}")
+        if name == ITERATION.name and (number != int(number) or abs(number) > np.iinfo(np.int64).max):
+            raise InputError(f"{where}: {name}: expected a whole number of 64 bits, found {number}")
+        values[name] = number
     return values
 
 

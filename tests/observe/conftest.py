@@ -8,7 +8,6 @@ import pytest
 
 from harness.cli import main
 from harness.exports import Run, read_run, run_folders
-from harness.yade_environment import find_yade
 
 STUDY = """
 name = "observed"
@@ -24,8 +23,6 @@ final_axial_strain = 0.07
 @pytest.fixture(scope="session")
 def real_run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     """400 discs to 7% axial strain, past the peak."""
-    if find_yade() is None:
-        pytest.skip("YADE is not installed")
     folder: Path = tmp_path_factory.mktemp("observed")
     study = folder / "observed.toml"
     study.write_text(STUDY)
