@@ -41,7 +41,8 @@ from yade_scripts.run_folder import write
 VERDICT_WORDS = (
     "A row passes when data and reference differ by no more than the tolerance: two standard errors, or twice the "
     "spread of packings where the paper prints a single simulation, never less than the stated floor. Standard "
-    "errors are the larger of that over segments and that over runs."
+    "errors are the larger of that over segments and that over runs; n.r.m.s. is the root mean square difference "
+    "over the drop, over the model's mean."
 )
 
 

@@ -40,24 +40,24 @@ def verdict_table(case: str, rows: Sequence[Row], particle_count: int) -> Table:
     """Every row of the comparison of one case, with its verdict and what there is to say about it."""
     return Table(
         caption=f"Model, data and paper, {case}." + size_note(particle_count),
-        header=["quantity", "unit", "model", "data ± 2 s.e.", "n", "paper", "tolerance", "n.r.m.s.", "verdict", "note"],
+        header=["quantity", "verdict", "data ± 2 s.e.", "model", "paper", "unit", "n", "tolerance", "n.r.m.s.", "note"],
         rows=[
             [
                 row.quantity,
-                row.unit,
-                number(row.model),
+                row.verdict.value,
                 with_error(row.data, row.standard_error),
-                row.counted,
+                number(row.model),
                 number(row.paper),
+                row.unit,
+                row.counted,
                 "-" if row.tolerance is None else f"{number(row.tolerance, 2)} ({row.tolerance_source})",
                 number(row.normalised_rms, 2),
-                row.verdict.value,
                 row.note,
             ]
             for row in rows
             if row.case == case
         ],
-        numeric=frozenset({2, 3, 4, 5, 7}),
+        numeric=frozenset({2, 3, 4, 8}),
     )
 
 
