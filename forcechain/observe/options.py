@@ -80,8 +80,8 @@ class AnalysisOptions:
     )
     neighbour_ring: str = _choice(
         "between",
-        ("chain", "between", "all"),
-        "contacts of the weak neighbours: with the segment, also between themselves, also with all others",
+        ("centre", "chain", "between", "all"),
+        "contacts of the weak neighbours: with the centre, with the segment, also between themselves, or all they have",
     )
     neighbours_at: str = _choice(
         "current", ("current", "start"), "weak neighbours touch the segment at each increment, or at the start"

@@ -80,8 +80,8 @@ def classify(snapshots: Sequence[Snapshot], segments: IntArray, chains: Chains, 
     `snapshots` run from the start A, of which `chains` are the force chains, to the end of the window, one for each
     increment: the increments are the resolution of "at the same time". The weak neighbours of a segment are the
     particles outside all chains that touch one of its three particles (`neighbours_at` the increment in question, or at
-    A). Their contacts are those with the segment (`neighbour_ring` "chain"), also those between two of them
-    ("between"), or all they have ("all"), walls included.
+    A). Their contacts are those with the centre (`neighbour_ring` "centre"), with any of the three ("chain"), also
+    those between two of them ("between"), or all they have ("all"), walls included.
 
     With `already_plastic` "ignore" a contact yields at the increment at which it is plastic and was not, or did not
     exist, one increment before; with "count" it yields wherever it is plastic. Sliding and rolling are told apart in
@@ -199,7 +199,8 @@ def _support_yields(
     row, partner = row[reached], neighbours.partner[end[reached]]
     segment = which[row]
     if options.neighbour_ring != "all":
-        counts = (segments[segment] == partner[:, None]).any(axis=1)
+        members = segments[segment, 1:2] if options.neighbour_ring == "centre" else segments[segment]
+        counts = (members == partner[:, None]).any(axis=1)
         if options.neighbour_ring == "between":
             counts |= (partner >= 0) & np.isin(segment * n + partner, pairs)
         segment = segment[counts]

@@ -25,7 +25,7 @@ VARIATIONS: Mapping[str, tuple[Any, ...]] = {
     "drop_length": (0.0035, 0.005, 0.007, 0.01),
     "increments": (7, 14, 28),
     "already_plastic": ("ignore", "count"),
-    "neighbour_ring": ("chain", "between", "all"),
+    "neighbour_ring": ("centre", "chain", "between", "all"),
     "neighbours_at": ("current", "start"),
 }
 

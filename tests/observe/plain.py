@@ -246,7 +246,7 @@ def classify(snapshots, segment, in_chains, options):
         ring = set()
         for p in weak:
             for q in s.touching(p):
-                reached = {"chain": q in segment, "between": q in segment or q in weak, "all": True}
+                reached = {"centre": q == two, "chain": q in segment, "between": q in segment or q in weak, "all": True}
                 if reached[options.neighbour_ring]:
                     ring.add((min(p, q), max(p, q)))
         if moment is None and any(yields(k, pair, "roll") for pair in own):

@@ -29,6 +29,7 @@ CHAIN_CHOICES = (
 WINDOW_CHOICES = (
     {},
     {"already_plastic": "count"},
+    {"neighbour_ring": "centre"},
     {"neighbour_ring": "chain"},
     {"neighbour_ring": "all"},
     {"neighbours_at": "start"},

@@ -42,7 +42,7 @@ def test_options_survive_a_round_trip():
         ("energy_tolerance", 1.5, "energy_tolerance: expected a number from 0 up to 1, found 1.5"),
         ("drop_length", 0.0, "drop_length: expected a number above 0 up to 1, found 0.0"),
         ("drop_smoothing", 0.01, "drop_smoothing: expected at most drop_length = 0.007, found 0.01"),
-        ("neighbour_ring", None, "neighbour_ring: expected one of 'chain', 'between', 'all', found None"),
+        ("neighbour_ring", None, "neighbour_ring: expected one of 'centre', 'chain', 'between', 'all', found None"),
     ],
 )
 def test_each_value_is_checked(name, value, message):

@@ -14,14 +14,14 @@ from forcechain.observe.plasticity import classify, rolling, sliding
 
 R = 1e-3
 CHAIN = [(0, 1), (1, 2)]  # contacts of the chain, then
-SUPPORT, BETWEEN, OUTER, CHAIN_TO_CHAIN = (1, 3), (3, 4), (4, 5), (2, 6)
+SUPPORT, TO_END, BETWEEN, OUTER, CHAIN_TO_CHAIN = (1, 3), (2, 4), (3, 4), (4, 5), (2, 6)
 SEGMENT = np.array([[0, 1, 2]])
 
 
 def snapshot(rolls=(), slides=()):
     """A column 0-1-2, weak discs 3 and 4 that touch it and each other, 5 behind 4; pairs at their limits as given."""
     position = 2 * R * np.array([(0, 0), (0, 1), (0, 2), (0.9, 0.7), (0.9, 1.7), (1.9, 1.7), (0, 3)])
-    pairs = [*CHAIN, SUPPORT, (2, 4), BETWEEN, OUTER, CHAIN_TO_CHAIN]
+    pairs = [*CHAIN, SUPPORT, TO_END, BETWEEN, OUTER, CHAIN_TO_CHAIN]
     forces = [40.0, 40.0, 2.0, 2.0, 2.0, 2.0, 40.0]
     contacts = [(*pair, force) for pair, force in zip(pairs, forces, strict=True)]
     contacts += [(0, (-3, -90), 40.0), (6, (-4, 90), 40.0)]
@@ -78,8 +78,13 @@ def test_a_sliding_chain_contact_is_neither():
 
 
 def test_how_far_the_ring_reaches():
-    for pair, rings in ((SUPPORT, ("chain", "between", "all")), (BETWEEN, ("between", "all")), (OUTER, ("all",))):
-        for ring in ("chain", "between", "all"):
+    for pair, rings in (
+        (SUPPORT, ("centre", "chain", "between", "all")),
+        (TO_END, ("chain", "between", "all")),
+        (BETWEEN, ("between", "all")),
+        (OUTER, ("all",)),
+    ):
+        for ring in ("centre", "chain", "between", "all"):
             expected = (-1, 1, 3) if ring in rings else (-1, -1, 1)
             assert classes(NOTHING, ((), (pair,)), neighbour_ring=ring) == expected, (pair, ring)
 
