@@ -13,24 +13,15 @@ import pandas as pd
 
 from forcechain.arrays import FloatArray, IntArray, freeze
 from forcechain.observe.snapshot import Snapshot
-from harness import tables
+from harness import snapshot_files, tables
 from harness.errors import InputError, RunError
 from harness.manifest import file_disagreement, parameter_values, read_manifest
+from harness.snapshot_files import CONTACTS_CSV, ITERATION, NPZ, PARTICLES_CSV
 from harness.study import RUNS, STUDY_COPY, read_study
 from yade_scripts import export_format
-from yade_scripts.export_format import (
-    CONTACT_COLUMNS,
-    HISTORY_COLUMNS,
-    PARTICLE_COLUMNS,
-    SNAPSHOT_INDEX_COLUMNS,
-    Column,
-)
+from yade_scripts.export_format import HISTORY_COLUMNS, SNAPSHOT_INDEX_COLUMNS, Column
 
 STRAIN_TOLERANCE = 1e-6  # between an index's strain and its snapshot's: room for an index written with few digits
-PARTICLES_CSV = ".particles.csv"
-CONTACTS_CSV = ".contacts.csv"
-NPZ = ".npz"
-ITERATION = Column("iteration", "-", True, "step number")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,16 +69,16 @@ class Run:
             )
         index = int(self.snapshot_index[row])
         where = f"run {self.name}"
-        path = _snapshot_path(self.folder, index)
+        path = snapshot_files.find_file(self.folder, index)
         if path is None:
             stem = export_format.snapshot_name(index)
             raise InputError(
                 f"{where}: snapshot {index} is missing: expected {stem}{NPZ}, or {stem}{PARTICLES_CSV} and "
                 f"{stem}{CONTACTS_CSV}, in {export_format.SNAPSHOTS}/; run the study again or export it anew"
             )
-        contents = _snapshot_contents(path, where)
+        contents = snapshot_files.read_contents(path, where)
         scalars = {"time": self._time[row], "iteration": self._iteration[row], "axial_strain": self.axial_strain[row]}
-        snapshot = _build(path, contents, scalars, where)
+        snapshot = snapshot_files.build(path, contents, scalars, where)
         if abs(snapshot.axial_strain - self.axial_strain[row]) > STRAIN_TOLERANCE:
             raise InputError(
                 f"{where}: {path.name}: expected axial strain {self.axial_strain[row]:.9g}, as the index of snapshots "
@@ -119,7 +110,7 @@ class Run:
 def is_run(folder: Path) -> bool:
     """Whether `folder` holds what a run leaves: a manifest, its parameters, or tables of snapshots."""
     marks = (export_format.MANIFEST, export_format.PARAMETERS, export_format.SNAPSHOT_INDEX, export_format.SNAPSHOTS)
-    return any((folder / mark).exists() for mark in marks) or bool(_snapshot_stems(folder))
+    return any((folder / mark).exists() for mark in marks) or bool(snapshot_files.numbered_files(folder))
 
 
 def run_folders(directory: Path) -> tuple[Path, ...]:
@@ -201,11 +192,11 @@ def read_snapshot(path: Path) -> Snapshot:
         if not len(rows):
             raise InputError(f"{where}: {export_format.SNAPSHOT_INDEX} has no row for {path.name}")
         scalars = {name: index[name][rows[0]] for name in export_format.SNAPSHOT_SCALARS}
-    return _build(path, _snapshot_contents(path, where), scalars, where)
+    return snapshot_files.build(path, snapshot_files.read_contents(path, where), scalars, where)
 
 
 def _index_of_manifest(folder: Path, manifest: Mapping[str, Any], where: str) -> dict[str, Any]:
-    if any((place / export_format.SNAPSHOT_INDEX).exists() for place in _places(folder)):
+    if any((place / export_format.SNAPSHOT_INDEX).exists() for place in snapshot_files.places(folder)):
         return _index_of_tables(folder, where)  # CSV tables leave time and step number to it
     where = f"{where}: {export_format.MANIFEST}"
     rows = manifest["products"]["snapshots"]
@@ -217,35 +208,10 @@ def _index_of_manifest(folder: Path, manifest: Mapping[str, Any], where: str) ->
     return index | dict.fromkeys(("time", "iteration"), np.zeros(len(rows)))  # each npz has its own
 
 
-def _places(folder: Path) -> tuple[Path, Path]:
-    return folder / export_format.SNAPSHOTS, folder
-
-
-def _snapshot_stems(folder: Path) -> dict[str, Path]:
-    """Numbered snapshot files of a folder: stem to the file that stands for the snapshot."""
-    found: dict[str, Path] = {}
-    for place in _places(folder):
-        for ending in (PARTICLES_CSV, NPZ):
-            for path in place.glob(f"*{ending}"):
-                stem = path.name.removesuffix(ending)
-                if stem.isascii() and stem.isdigit():
-                    found[stem] = path
-    return found
-
-
-def _snapshot_path(folder: Path, index: int) -> Path | None:
-    stem = export_format.snapshot_name(index)
-    for place in _places(folder):
-        for ending in (NPZ, PARTICLES_CSV):
-            if (place / (stem + ending)).exists():
-                return place / (stem + ending)
-    return None
-
-
 def _index_of_tables(folder: Path, where: str) -> dict[str, Any]:
     """Return index, axial_strain, time and iteration of every snapshot in a folder without a manifest."""
-    stems = _snapshot_stems(folder)
-    for place in _places(folder):
+    stems = snapshot_files.numbered_files(folder)
+    for place in snapshot_files.places(folder):
         path = place / export_format.SNAPSHOT_INDEX
         if not path.exists():
             continue
@@ -269,7 +235,7 @@ def _index_of_tables(folder: Path, where: str) -> dict[str, Any]:
     rows = []
     for stem, path in sorted(stems.items()):
         archive = tables.read_npz(tables.read_bytes(path, f"{where}: {path.name}"), f"{where}: {path.name}")
-        rows.append({"index": int(stem)} | _scalars(archive, f"{where}: {path.name}"))
+        rows.append({"index": int(stem)} | snapshot_files.scalars_of(archive, f"{where}: {path.name}"))
     return {name: np.array([row[name] for row in rows]) for name in ("index", *export_format.SNAPSHOT_SCALARS)}
 
 
@@ -290,87 +256,3 @@ def _read_history(folder: Path, where: str, manifest: Mapping[str, Any] | None) 
         if difference is not None:
             raise InputError(f"{where}: {difference}, against {export_format.MANIFEST}; run the study again")
     return history
-
-
-def _snapshot_contents(path: Path, where: str) -> dict[Path, bytes]:
-    paths = [path]
-    if path.suffix != NPZ:
-        if not path.name.endswith(PARTICLES_CSV):
-            raise InputError(f"{where}: expected a snapshot's {NPZ} or {PARTICLES_CSV} file, found {path.name}")
-        paths.append(path.with_name(path.name.removesuffix(PARTICLES_CSV) + CONTACTS_CSV))
-    return {item: tables.read_bytes(item, f"{where}: {item.name}") for item in paths}
-
-
-def _scalars(archive: Mapping[str, Any], where: str) -> dict[str, Any]:
-    values: dict[str, Any] = {}
-    for name in export_format.SNAPSHOT_SCALARS:
-        value = archive.get(name)
-        if value is None or np.asarray(value).ndim or np.asarray(value).dtype.kind not in "iuf":
-            found = "nothing" if value is None else f"{np.asarray(value).dtype} of shape {np.asarray(value).shape}"
-            raise InputError(f"{where}: {name}: expected one number, found {found}")
-        number = np.asarray(value).item()
-        if not np.isfinite(number):
-            raise InputError(f"{where}: {name}: expected a finite number, found {number}")
-        if name == ITERATION.name and (number != int(number) or abs(number) > np.iinfo(np.int64).max):
-            raise InputError(f"{where}: {name}: expected a whole number of 64 bits, found {number}")
-        values[name] = number
-    return values
-
-
-def _build(path: Path, contents: Mapping[Path, bytes], scalars: Mapping[str, Any], where: str) -> Snapshot:
-    if path.suffix == NPZ:
-        where = f"{where}: {path.name}"
-        archive = tables.read_npz(contents[path], where)
-        scalars = _scalars(archive, where)
-        particles = tables.checked(archive, PARTICLE_COLUMNS, "particles", where, "particle_")
-        contacts = tables.checked(archive, CONTACT_COLUMNS, "contacts", where, "contact_")
-    else:
-        particle_file, contact_file = contents
-        read = {item: tables.read_csv(contents[item], f"{where}: {item.name}") for item in contents}
-        particles = tables.checked(read[particle_file], PARTICLE_COLUMNS, "particles", f"{where}: {particle_file.name}")
-        contacts = tables.checked(read[contact_file], CONTACT_COLUMNS, "contacts", f"{where}: {contact_file.name}")
-        where = f"{where}: {path.name.removesuffix(PARTICLES_CSV)}"
-    particles = _in_order_of_id(particles, where)
-    try:
-        return Snapshot(
-            axial_strain=float(scalars["axial_strain"]),
-            time=float(scalars["time"]),
-            iteration=int(scalars["iteration"]),
-            radius=particles["radius"],
-            position=np.stack((particles["x"], particles["y"]), axis=1),
-            rotation=particles["rotation"],
-            velocity=np.stack((particles["vx"], particles["vy"]), axis=1),
-            spin=particles["spin"],
-            contact_ids=np.stack((contacts["id1"], contacts["id2"]), axis=1),
-            contact_point=np.stack((contacts["x"], contacts["y"]), axis=1),
-            contact_normal=np.stack((contacts["nx"], contacts["ny"]), axis=1),
-            overlap=contacts["overlap"],
-            normal_force=contacts["fn"],
-            tangential_force=contacts["ft"],
-            moment=contacts["moment"],
-            normal_stiffness=contacts["kn"],
-            tangential_stiffness=contacts["kt"],
-            rolling_stiffness=contacts["kr"],
-            friction=contacts["friction"],
-            rolling_limit=contacts["rolling_limit"],
-        )
-    except ValueError as error:
-        raise InputError(f"{where}: {error}; export particles and contacts at one step") from None
-
-
-def _in_order_of_id(particles: tables.Table, where: str) -> tables.Table:
-    ids = particles["id"]
-    n_particles = len(ids)
-    wrong = (ids < 0) | (ids >= n_particles)
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        raise InputError(
-            f"{where}: particles row {row}, column 'id': expected 0 to {n_particles - 1} ({n_particles} particles), "
-            f"found {ids[row]}; number the particles from 0 without gaps"
-        )
-    order = np.argsort(ids, kind="stable")
-    repeated = ids[order][1:] == ids[order][:-1]
-    if repeated.any():
-        row = int(order[1:][int(np.argmax(repeated))])
-        raise InputError(f"{where}: particles row {row}, column 'id': {ids[row]} is there twice")
-    return {name: values[order] for name, values in particles.items()}
