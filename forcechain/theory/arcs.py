@@ -137,7 +137,7 @@ class Arc:
         C = self.lateral_sense * ch.ls / 2 if self.lateral_sense else -ks * (math.sin(ch.ti) + self.tp)
         C -= K * (2 * math.sin(ch.ti) + self.wp)
         mu = self.moment_sense * ch.mu_r
-        return np.asarray(overlap_slope(point.d, point.t, 2 * K + ks, C, ch.kn, mu))
+        return np.asarray(overlap_slope(point.d, np.sin(point.t), np.cos(point.t), 2 * K + ks, C, ch.kn, mu))
 
     def slip_rate(self, point: Point) -> FloatArray:
         """Rate of moment slip along the arc in its sense, per radian: negative where the slider must hold again."""

@@ -65,7 +65,8 @@ def overlap_moment_plastic(
 
 def overlap_slope(
     overlap: Number,
-    angle: Number,
+    sine: Number,
+    cosine: Number,
     support_slope: Number,
     support_constant: Number,
     normal_stiffness: Number,
@@ -75,14 +76,13 @@ def overlap_slope(
 
     Args:
         overlap: d.
-        angle: t [rad].
+        sine, cosine: sin t, cos t.
         support_slope, support_constant: A and C [N/m].
         normal_stiffness: kn [N/m].
         rolling_friction: mu_r where the moment is plastic, 0 where it is elastic.
 
     Differentiates (2 - d) d = (2 c^2/sin t) (mu_r d + (A sin t + C)/kn). At t = 0 it holds for C = mu_r = 0.
     """
-    sine, cosine = np.sin(angle), np.cos(angle)
     c2 = cosine * cosine
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = np.where(sine > 0, 1 / sine, 0.0)
@@ -93,20 +93,29 @@ def overlap_slope(
         return slope
 
 
-def axial_force(overlap: Number, angle: Number, radius: Number, normal_stiffness: Number) -> Number:
+def axial_force(overlap: Number, cosine: Number, radius: Number, normal_stiffness: Number) -> Number:
     """Axial force F = kn R d/cos t [N]: the balance of forces at the end particles, (10), (23), (26)."""
-    return normal_stiffness * radius * overlap / np.cos(angle)
+    return normal_stiffness * radius * overlap / cosine
 
 
-def axial_displacement(overlap: Number, angle: Number, imperfection: Number) -> Number:
-    """Axial displacement over R of three particles, (8): D/R = 4 cos ti - 2 (2 - d) cos t.
+def axial_displacement(overlap: Number, cosine: Number, cosine_loss: Number) -> Number:
+    """Axial displacement over R of three particles, (8): D/R = 4 cos ti - 2 (2 - d) cos t = 4 cosine_loss + 2 d cos t.
 
-    Written with half angles, so that small displacements keep their digits.
+    `cosine_loss` = cos ti - cos t comes from `growths`, so that small displacements keep their digits.
     """
-    cosines = 2 * np.sin((angle + imperfection) / 2) * np.sin((angle - imperfection) / 2)  # cos ti - cos t
-    return 4 * cosines + 2 * overlap * np.cos(angle)
+    return 4 * cosine_loss + 2 * overlap * cosine
+
+
+def growths(angle: Number, imperfection: Number) -> tuple[Number, Number]:
+    """Return st = sin t - sin ti and cos ti - cos t without cancellation.
+
+    st is the lateral displacement of the middle particle over 2R.
+    """
+    half_sum, half_difference = (angle + imperfection) / 2, (angle - imperfection) / 2
+    twice = 2 * np.sin(half_difference)
+    return np.cos(half_sum) * twice, np.sin(half_sum) * twice
 
 
 def sine_growth(angle: Number, imperfection: Number) -> Number:
-    """Return st = sin t - sin ti without cancellation: the lateral displacement of the middle particle over 2R."""
+    """Return st = sin t - sin ti without cancellation."""
     return 2 * np.cos((angle + imperfection) / 2) * np.sin((angle - imperfection) / 2)

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from forcechain.arrays import FloatArray, freeze
 from forcechain.theory.arcs import STRAIGHT_ANGLE, Arc, Chain, Point, arc_energies, stored_energy
-from forcechain.theory.equilibrium import axial_displacement, axial_force
+from forcechain.theory.equilibrium import axial_displacement, axial_force, growths
 from forcechain.theory.events import Position, next_arc, to_first_event
 from forcechain.theory.parameters import ChainParameters
 from forcechain.theory.states import STAGES, STRAIGHT, ChainState, CodeArray, Stability, Status, TextArray
@@ -212,8 +212,8 @@ def arc_state(arc: Arc, point: Point) -> ChainState:
     return ChainState(
         angle=t,
         stage=_stage(arc, t),
-        axial_force=np.asarray(axial_force(point.d, t, ch.R, ch.kn)),
-        axial_displacement_over_R=np.asarray(axial_displacement(point.d, t, ch.ti)),
+        axial_force=np.asarray(axial_force(point.d, c, ch.R, ch.kn)),
+        axial_displacement_over_R=np.asarray(axial_displacement(point.d, c, growths(t, ch.ti)[1])),
         normal_displacement_over_R=point.d,
         rotation=point.w,
         lateral_force=2 * ch.R * point.s,

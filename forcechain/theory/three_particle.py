@@ -24,11 +24,11 @@ from forcechain.theory.equilibrium import (
     Number,
     axial_displacement,
     axial_force,
+    growths,
     overlap_elastic,
     overlap_moment_plastic,
     overlap_slope,
     series_stiffness,
-    sine_growth,
 )
 from forcechain.theory.parameters import ChainParameters
 from forcechain.theory.states import STAGES, STRAIGHT, ChainState, CodeArray, Stability, Status
@@ -108,7 +108,7 @@ def _state(t: FloatArray, safe: FloatArray, status: CodeArray, p: ChainParameter
     K, K0 = series_stiffness(kFC, kr), effective_rolling(p)
     sine, c = np.sin(safe), np.cos(safe)
     c2 = c * c
-    growth = sine_growth(safe, ti)
+    growth, cosine_loss = growths(safe, ti)
     secant, lateral_plastic = secant_support(p, growth)
     s = secant * growth
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -142,22 +142,26 @@ def _state(t: FloatArray, safe: FloatArray, status: CodeArray, p: ChainParameter
     A = np.where(moment_plastic, 0.0, 2 * K0) + np.where(lateral_plastic, 0.0, ks0)
     C = np.where(lateral_plastic, np.asarray(p.lateral_strength) / 2, -ks0 * np.sin(ti))
     C = C - np.where(moment_plastic, 0.0, 2 * K0 * np.sin(ti))
-    slope = overlap_slope(d, safe, A, C, kn, np.where(moment_plastic, mu_r, 0.0))
+    slope = overlap_slope(d, sine, c, A, C, kn, np.where(moment_plastic, mu_r, 0.0))
     stability = np.array(_stability(d, slope, sine, c))
     stage_code = lateral_plastic.astype(np.int8) + 2 * moment_plastic.astype(np.int8)
-    stage = np.array(STAGES[np.where(outside, 0, stage_code)])
-    stage[(sine == 0) & ~outside] = STRAIGHT
+    stage = np.array(STAGES[stage_code])
+    stage[sine == 0] = STRAIGHT
     stage[outside] = ""
     stability[outside] = Stability.NO_EQUILIBRIUM
 
+    some_outside = bool(outside.any())
+
     def shown(values: Any) -> FloatArray:
-        return np.where(outside, np.nan, np.broadcast_to(values, t.shape))
+        if some_outside or np.shape(values) != t.shape:
+            return np.where(outside, np.nan, values)
+        return np.asarray(values)
 
     return ChainState(
         angle=t.copy(),
         stage=stage,
-        axial_force=shown(axial_force(d, safe, p.radius, kn)),
-        axial_displacement_over_R=shown(axial_displacement(d, safe, ti)),
+        axial_force=shown(axial_force(d, c, p.radius, kn)),
+        axial_displacement_over_R=shown(axial_displacement(d, c, cosine_loss)),
         normal_displacement_over_R=shown(d),
         rotation=shown(w),
         lateral_force=shown(2 * p.radius * s),
@@ -202,7 +206,7 @@ def straight(parameters: ChainParameters, axial_displacement_over_R: ArrayLike) 
     return ChainState(
         angle=zero.copy(),
         stage=np.full(D.shape, STRAIGHT),
-        axial_force=np.asarray(axial_force(D / 2, 0.0, parameters.radius, parameters.normal_stiffness)),
+        axial_force=np.asarray(axial_force(D / 2, 1.0, parameters.radius, parameters.normal_stiffness)),
         axial_displacement_over_R=D,
         normal_displacement_over_R=D / 2,
         rotation=zero.copy(),

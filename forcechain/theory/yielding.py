@@ -141,12 +141,18 @@ def subset(parameters: ChainParameters, chosen: BoolArray) -> ChainParameters:
 
 
 def never_folds(parameters: ChainParameters) -> BoolArray:
-    """Whether a bound on the parameters alone excludes a fold; see `folds_at`."""
+    """Whether a bound on the parameters alone excludes a fold (`folds_at`), which spares the search for theta_*.
+
+    At theta_* the moment is 2 K st = mu_r kn d, and the path folds where (1 - d) 2 s < m d. With an elastic support,
+    s = ks st, that is (1 - d) ks < K d; with a plastic one, s = ls/2, (1 - d) ls < m d. The overlap there is at most
+    that at the critical load, m at most 2 K and at most mu_r kn d.
+    """
     K, ks = effective_rolling(parameters), effective_lateral(parameters)
     with np.errstate(invalid="ignore"):
-        largest = overlap_elastic(2 * (2 * K + ks) / parameters.normal_stiffness)
-        elastic = (1 - largest) * ks >= K * largest
-        plastic = (1 - largest) * parameters.lateral_strength >= 2 * K * largest
+        d = overlap_elastic(2 * (2 * K + ks) / parameters.normal_stiffness)
+        elastic = (1 - d) * ks >= K * d
+        moment = np.minimum(2 * K, parameters.rolling_friction * parameters.normal_stiffness * d)
+        plastic = (1 - d) * parameters.lateral_strength >= moment * d
     return np.asarray(elastic & plastic)
 
 
@@ -184,4 +190,4 @@ def critical_force(parameters: ChainParameters) -> FloatArray:
     10.942468405
     """
     d = critical_displacement(parameters) / 2
-    return np.asarray(axial_force(d, 0.0, parameters.radius, parameters.normal_stiffness))
+    return np.asarray(axial_force(d, 1.0, parameters.radius, parameters.normal_stiffness))
