@@ -12,6 +12,7 @@ import pandas as pd
 
 from harness.analysis import Analysis, analyse
 from harness.errors import EXIT_GOOD, EXIT_RUN
+from harness.sensitivity import write_sensitivity
 from harness.text_table import render
 
 HELP = "turn exports into buckling data: chains, buckled segments, averages, classes, the ledger of counts"
@@ -22,6 +23,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("directory", metavar="DIR", type=Path, help="a study's folder, or a single run's")
     parser.add_argument("--jobs", type=int, metavar="N", help="runs analysed side by side (default: one a core)")
+    parser.add_argument(
+        "--sensitivity",
+        action="store_true",
+        help="also analyse again with one choice changed at a time: a table and a figure of what each choice moves",
+    )
     parser.add_argument("--json", action="store_true", help="print the ledger and the files as JSON")
 
 
@@ -43,13 +49,15 @@ def ledger_table(analysis: Analysis) -> str:
 def execute(args: argparse.Namespace) -> int:
     """Analyse and print the ledger."""
     analysis = analyse(args.directory, jobs=args.jobs)
+    swept = write_sensitivity(args.directory, jobs=args.jobs)[1] if args.sensitivity else ()
     if args.json:
-        print(
-            json.dumps(
-                {"folder": str(analysis.folder), "ledger": list(analysis.ledger), "left_out": dict(analysis.left_out)}
-            )
-        )
+        told = {"folder": str(analysis.folder), "ledger": list(analysis.ledger), "left_out": dict(analysis.left_out)}
+        if swept:
+            told["sensitivity"] = [str(file) for file in swept]
+        print(json.dumps(told))
     else:
         print(ledger_table(analysis))
         print(f"{'unchanged' if analysis.reused else 'written'}: {analysis.folder}")
+        for file in swept:
+            print(f"written: {file}")
     return tell_left_out(analysis.left_out)
