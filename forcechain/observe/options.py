@@ -65,7 +65,7 @@ class AnalysisOptions:
     )
     drop_length: float = _number(0.007, "axial strain of a drop", high=1.0, low_allowed=False)
     drop_count: int = _number(3, "number of drops", low=1)
-    drop_fall: float = _number(0.02, "smallest fall of the stress ratio over a drop")
+    drop_fall: float = _number(0.01, "smallest fall of the stress ratio over a drop")
     drop_prominence: float = _number(
         0.01, "smallest prominence of a drop: its fall above that of the same length moved to either side"
     )
