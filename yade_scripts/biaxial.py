@@ -6,6 +6,8 @@ folder on PYTHONPATH (no prompt, no ports). The run's folder gets snapshots, a h
 
 from __future__ import annotations
 
+import bisect
+import dataclasses
 import math
 import os
 import sys
@@ -21,7 +23,7 @@ if __name__ == "__main__":
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # one thread repeats bit for bit; read when YADE is imported
 
 # ruff: noqa: E402
-from yade_scripts import command, packing, parameters, run_folder, walls
+from yade_scripts import checkpoint, command, packing, parameters, run_folder, walls
 from yade_scripts.plan import plan_of
 from yade_scripts.recorder import Recorder
 from yade_scripts.sample import Sample
@@ -34,8 +36,8 @@ except ImportError:
 CHUNK = 20  # steps between two looks at the clock and two corrections of the walls' push
 
 
-def run(values: Mapping[str, Any], folder: Path, packings: Path) -> None:
-    """Make the whole test; the run's folder is complete when this returns."""
+def run(values: Mapping[str, Any], folder: Path, packings: Path, checkpoint_every: float) -> None:
+    """Make the whole test, or what a killed run has left of it; the run's folder is complete when this returns."""
     clock = time.monotonic()
     recorder, progress = Recorder(folder), run_folder.Progress(folder)
     target = values["final_axial_strain"]
@@ -43,35 +45,47 @@ def run(values: Mapping[str, Any], folder: Path, packings: Path) -> None:
     start, packing_name = packing.packing_of(
         values, packings, lambda steps: progress.tell("preparing", 0.0, target, steps)
     )
-    prepared = time.monotonic()
+    preparation_s, loading_began = time.monotonic() - clock, time.monotonic()
 
-    yade.O.reset()
-    sample = Sample(values, start)
+    identity = checkpoint.identity_of(values)
+    state = checkpoint.load(folder, identity)
+    if state is None:
+        recorder.discard_leftovers()
+        sample, course = begin(values, start)
+    else:
+        sample, course = Sample(values, start, build=False), Course(**state["course"])
+        recorder.restore(state["recorder"])
+        sample.press()
+        course.continued.append({"axial_strain": sample.axial_strain(), "time": run_folder.now()})
+        preparation_s = state["preparation_s"]
+        loading_began -= state["loading_s"]
     plan = plan_of(values, sample.masses)
     yade.O.dt = plan.time_step
-    packing.step(1)  # finds the contacts; nothing pushes and nothing moves yet
-    first = yade.O.iter
     rows, snapshots = set(plan.history_steps), set(plan.snapshot_steps)
     stops = sorted(rows | snapshots | set(range(0, plan.last_step, CHUNK)))
-    error_sum, error_steps = walls.stresses(sample.walls)[0] / values["confining_stress"] - 1, 1
-    escaped, sampling = 0, 0.0
-    for stop in stops:
-        steps = first + stop - yade.O.iter
-        error_sum += sample.advance(steps)
-        error_steps += steps
+    last_checkpoint = time.monotonic()
+    for stop in stops[bisect.bisect_right(stops, course.step) :]:
+        course.error_sum += sample.advance(stop - max(course.step, 0))
+        course.error_steps += stop - max(course.step, 0)
+        course.step = stop
         before = time.monotonic()
         if stop in rows:
-            recorder.rows.append(sample.history_row(error_sum / error_steps))
-            error_sum, error_steps = 0.0, 0
+            recorder.rows.append(sample.history_row(course.error_sum / course.error_steps))
+            course.error_sum, course.error_steps = 0.0, 0
         if stop in snapshots:
             particles, contacts = sample.tables(recorder.rotation)
             recorder.snapshot(sample.axial_strain(), particles, contacts)
-            escaped = max(escaped, sample.escaped(particles))
+            course.escaped = max(course.escaped, sample.escaped(particles))
         if stop == 0:
             sample.load(plan.strain_rate)
         sample.press()
+        course.sampling_s += time.monotonic() - before
+        if time.monotonic() - last_checkpoint >= checkpoint_every:
+            spent = {"preparation_s": preparation_s, "loading_s": time.monotonic() - loading_began}
+            state = {"course": dataclasses.asdict(course), "recorder": recorder.state(), **spent}
+            checkpoint.save(folder, stop, identity, state)
+            last_checkpoint = time.monotonic()
         progress.tell("loading", sample.axial_strain(), target, stop, final=stop == plan.last_step)
-        sampling += time.monotonic() - before
 
     mean_mass = float(sample.masses.mean())
     recorder.finish(
@@ -88,19 +102,51 @@ def run(values: Mapping[str, Any], folder: Path, packings: Path) -> None:
             "wall_mass": (sample.wall_mass, "kg"),
         },
         steps=plan.last_step,
+        continued=course.continued,
         timings={
-            "preparation_s": prepared - clock,
-            "loading_s": time.monotonic() - prepared,
-            "sampling_s": sampling,
+            "preparation_s": preparation_s,
+            "loading_s": time.monotonic() - loading_began,
+            "sampling_s": course.sampling_s,
         },
         preparation={**start.facts, "packing": packing_name},
         validity={
             **loading_figures(recorder.rows, plan.strain_rate, mean_mass),
             "overlap_max": recorder.largest_overlap / sample.mean_radius,
-            "escaped_discs": escaped,
+            "escaped_discs": course.escaped,
             "settled": start.facts["settled"],
         },
     )
+    checkpoint.clear(folder)
+
+
+@dataclasses.dataclass
+class Course:
+    """How far a run has come, in numbers that go into a checkpoint.
+
+    Attributes:
+        step: the last step at which samples were taken; -1 before the first.
+        error_sum, error_steps: sum of the confining stress's errors since the last row, and over how many steps.
+        escaped: most discs seen outside the walls.
+        sampling_s: time spent on samples [s].
+        continued: where and when the run went on after a break.
+    """
+
+    step: int = -1
+    error_sum: float = 0.0
+    error_steps: int = 0
+    escaped: int = 0
+    sampling_s: float = 0.0
+    continued: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+
+
+def begin(values: Mapping[str, Any], start: packing.Packing) -> tuple[Sample, Course]:
+    """Set up the simulation at rest, its contacts found, nothing moved yet."""
+    yade.O.reset()
+    sample = Sample(values, start)
+    yade.O.dt = checkpoint.AT_REST
+    packing.step(1)
+    lateral, _ = walls.stresses(sample.walls)
+    return sample, Course(error_sum=lateral / values["confining_stress"] - 1, error_steps=1)
 
 
 def loading_figures(rows: Sequence[Mapping[str, float]], strain_rate: float, mean_mass: float) -> dict[str, float]:

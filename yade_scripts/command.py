@@ -16,7 +16,8 @@ try:
 except ImportError:
     yade = None
 
-Run = Callable[[Mapping[str, Any], Path, Path], None]  # parameter values, the run's folder, the folder of packings
+# Parameter values, the run's folder, the folder of packings, seconds between checkpoints.
+Run = Callable[[Mapping[str, Any], Path, Path, float], None]
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 
@@ -33,6 +34,13 @@ def main(
     parser.add_argument("parameters", type=Path, metavar="PARAMETERS.json", help="one JSON object of names and values")
     parser.add_argument("--folder", type=Path, help="the run's folder (default: that of PARAMETERS.json)")
     parser.add_argument("--packings", type=Path, help="prepared packings (default: `packings` beside `runs`)")
+    parser.add_argument(
+        "--checkpoint-every",
+        type=float,
+        default=120.0,
+        metavar="SECONDS",
+        help="save the state this often; a killed run goes on from there (default: %(default)g)",
+    )
     options = parser.parse_args(arguments)
     folder = (options.folder or options.parameters.parent).resolve()
     beside = folder.parent.parent if folder.parent.name == "runs" else folder
@@ -48,7 +56,7 @@ def main(
     started = run_folder.now()
     (folder / export_format.MANIFEST).unlink(missing_ok=True)  # whatever happens now, the old one is no longer true
     try:
-        run(values, folder, packings)
+        run(values, folder, packings, options.checkpoint_every)
     except Exception as error:
         traceback.print_exc()
         manifest = recorder.heading(export_format.STATUS_FAILED, script, values, table, started)

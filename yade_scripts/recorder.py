@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from yade_scripts import export, export_format, parameters, run_folder
+from yade_scripts import checkpoint, export, export_format, parameters, run_folder
 
 try:
     import yade
@@ -39,6 +39,13 @@ class Recorder:
         self.largest_overlap = 0.0
         self.rotation: np.ndarray | None = None
 
+    def discard_leftovers(self) -> None:
+        """Remove what an earlier attempt has left in the folder: checkpoints of another run, snapshots, history."""
+        checkpoint.clear(self.folder)
+        for path in (self.folder / export_format.SNAPSHOTS).glob("[0-9]*.npz"):
+            path.unlink()
+        (self.folder / export_format.HISTORY).unlink(missing_ok=True)
+
     def snapshot(self, axial_strain: float, particles: export.Table, contacts: export.Table) -> None:
         """Write the next snapshot."""
         index = len(self.snapshots)
@@ -47,6 +54,26 @@ class Recorder:
         self.products[product.name] = product
         self.snapshots.append({"index": index, "axial_strain": axial_strain, "time": yade.O.time})
         self.largest_overlap = max(self.largest_overlap, float(contacts["overlap"].max(initial=0.0)))
+
+    def state(self) -> dict[str, Any]:
+        """Everything recorded so far, in plain lists and numbers, for a checkpoint."""
+        return {
+            "started": self.started,
+            "rows": [dict(row) for row in self.rows],
+            "snapshots": self.snapshots,
+            "products": list(self.products.values()),
+            "largest_overlap": self.largest_overlap,
+            "rotation": None if self.rotation is None else self.rotation.tolist(),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Take over what `state` gave at a checkpoint."""
+        self.started = state["started"]
+        self.rows = state["rows"]
+        self.snapshots = state["snapshots"]
+        self.products = {name: run_folder.Product(name, size, sha256) for name, size, sha256 in state["products"]}
+        self.largest_overlap = state["largest_overlap"]
+        self.rotation = None if state["rotation"] is None else np.array(state["rotation"])
 
     def write_history(self) -> None:
         """Write the history's rows as they are now."""

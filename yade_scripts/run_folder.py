@@ -111,17 +111,18 @@ class Progress:
         self.terminal = sys.stdout.isatty()
         self.began = self.last_file = self.last_line = time.monotonic()
         self.stage = ""
-        self.first_steps = 0
+        self.first_steps, self.first_strain = 0, 0.0
 
     def tell(self, stage: str, strain: float, target: float, steps: int, final: bool = False) -> None:
         """Report axial strain `strain` of `target` after `steps` steps; cheap enough for every sample."""
         clock = time.monotonic()
         if stage != self.stage:
-            self.stage, self.began, self.first_steps = stage, clock, steps
+            self.stage, self.began = stage, clock
+            self.first_steps, self.first_strain = steps, strain  # not zero where a killed run goes on
         elif clock - self.last_file < self.FILE_EVERY and not final:
             return
         self.last_file = clock
-        spent = clock - self.began
+        spent, gained = clock - self.began, strain - self.first_strain
         content = {
             "stage": stage,
             "pid": os.getpid(),
@@ -129,7 +130,7 @@ class Progress:
             "target_strain": target,
             "steps": steps,
             "steps_per_second": (steps - self.first_steps) / spent if spent > 0 else 0.0,
-            "seconds_left": max(0.0, spent * (target - strain) / strain) if strain > 0 else None,
+            "seconds_left": max(0.0, spent * (target - strain) / gained) if gained > 0 else None,
             "time": now(),
         }
         write_json(self.folder, export_format.PROGRESS, content)

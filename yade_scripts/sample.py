@@ -30,8 +30,11 @@ class Sample:
         width, height: distances between opposite walls at the start [m].
     """
 
-    def __init__(self, values: Mapping[str, Any], start: packing.Packing) -> None:
-        """Put a packing's discs and walls into an empty simulation, at rest, with the contact rules of `values`."""
+    def __init__(self, values: Mapping[str, Any], start: packing.Packing, build: bool = True) -> None:
+        """Put a packing's discs and walls into an empty simulation, at rest, with the contact rules of `values`.
+
+        With `build` false they are there already: a simulation that began like this has been loaded.
+        """
         self.values = values
         self.count = len(start.radii)
         self.radii = start.radii
@@ -41,13 +44,18 @@ class Sample:
             start.radii, values["density"], values["mass"], values["shape"]
         )
         self.rules = materials.contact_rules(values)
-        materials.add_discs(start.radii, start.positions, self.masses, inertias, self.rules)
+        left, right, bottom, top = start.faces
+        self.width, self.height = float(right - left), float(top - bottom)
+        largest = float(start.radii.max())
+        if build:
+            materials.add_discs(start.radii, start.positions, self.masses, inertias, self.rules)
+            self.walls = walls.add_walls(start.faces, largest, self.rules)
+            yade.O.engines = materials.engines(self.rules, values["damping"])
+            for wall in (walls.LEFT, walls.RIGHT):
+                walls.release(self.walls, wall, self.wall_mass)
+        else:
+            self.walls = walls.walls_after(self.count, largest)
         self.states = [yade.O.bodies[number].state for number in range(self.count)]
-        self.walls = walls.add_walls(start.faces, float(start.radii.max()), self.rules)
-        self.width, self.height = walls.extents(self.walls)
-        yade.O.engines = materials.engines(self.rules, values["damping"])
-        for wall in (walls.LEFT, walls.RIGHT):
-            walls.release(self.walls, wall, self.wall_mass)
 
     @property
     def wall_mass(self) -> float:

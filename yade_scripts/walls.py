@@ -18,7 +18,7 @@ except ImportError:
 LEFT, RIGHT, BOTTOM, TOP = -1, -2, -3, -4
 # Inward direction of each wall: axis, and the sign of a push on the sample.
 INWARD = {LEFT: (0, 1.0), RIGHT: (0, -1.0), BOTTOM: (1, 1.0), TOP: (1, -1.0)}
-OPPOSITE = {LEFT: RIGHT, RIGHT: LEFT, BOTTOM: TOP, TOP: BOTTOM}
+THICKNESS = 10  # half thickness of a wall over the largest radius; thin walls let fast discs through
 
 
 class Walls(NamedTuple):
@@ -26,7 +26,7 @@ class Walls(NamedTuple):
 
     Attributes:
         body: body number in YADE of each wall (-1 left, -2 right, -3 bottom, -4 top).
-        half_thickness: distance from a box's centre to its inner face [m]; thick, or fast discs pass through.
+        half_thickness: distance from a box's centre to its inner face [m].
     """
 
     body: dict[int, int]
@@ -41,7 +41,7 @@ class Walls(NamedTuple):
 def add_walls(faces: Sequence[float], largest_radius: float, rules: materials.ContactRules) -> Walls:
     """Put four boxes around the rectangle `faces` = (left, right, bottom, top) [m], at rest."""
     left, right, bottom, top = (float(face) for face in faces)
-    thick = 10 * largest_radius
+    thick = THICKNESS * largest_radius
     centre = ((left + right) / 2, (bottom + top) / 2)
     reach = 2 * max(right - left, top - bottom) + 2 * thick  # long enough to close the corners at any strain
     material = yade.O.materials.append(materials.wall_material(rules))
@@ -57,6 +57,11 @@ def add_walls(faces: Sequence[float], largest_radius: float, rules: materials.Co
         body[wall] = yade.O.bodies.append(box)
         yade.O.forces.setPermF(body[wall], (0, 0, 0))  # YADE crashes on reading a permanent force never set
     return Walls(body, thick)
+
+
+def walls_after(count: int, largest_radius: float) -> Walls:
+    """Return the walls of a loaded simulation, which `add_walls` had put there after `count` discs."""
+    return Walls({wall: count + place for place, wall in enumerate(INWARD)}, THICKNESS * largest_radius)
 
 
 def faces(walls: Walls) -> np.ndarray:

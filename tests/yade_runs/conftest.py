@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,24 @@ def run_script(yade: Yade) -> RunScript:
         )
 
     return run
+
+
+@pytest.fixture
+def killed_at_checkpoint(yade: Yade) -> Callable[..., None]:
+    """Begin a run and kill it once it has saved its state: killed_at_checkpoint(file of parameters)."""
+
+    def begin_and_kill(file: Path) -> None:
+        command = yade.invocation(BIAXIAL, [str(file), "--checkpoint-every", "0.1"])
+        with subprocess.Popen(command, env=yade.environment(), stdout=subprocess.DEVNULL) as process:
+            try:
+                deadline = time.monotonic() + 60
+                while not list(file.parent.glob("checkpoint-*")) and time.monotonic() < deadline:
+                    assert process.poll() is None, "the run ended before its first checkpoint"
+                    time.sleep(0.01)
+            finally:
+                process.kill()
+
+    return begin_and_kill
 
 
 @pytest.fixture(scope="session")
