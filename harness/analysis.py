@@ -13,6 +13,7 @@ from typing import Any
 import pandas as pd
 
 import forcechain
+import harness
 from harness import validity
 from harness.analysis_options import describe_options, read_options
 from harness.averages import average, class_shares
@@ -150,8 +151,8 @@ def _given(intervals: Sequence[tuple[float, float]] | None) -> dict[str, dict[st
 
 
 def _source(runs: Sequence[Run], described: Mapping[str, Any]) -> dict[str, str]:
-    """Say what an analysis is made from: package, options, and the state of every run's folder."""
-    source = {"package": forcechain.__version__, "options": _digest(json.dumps(described, sort_keys=True))}
+    """Say what an analysis is made from: the code, the options, and the state of every run's folder."""
+    source = {"code": _code_digest(), "options": _digest(json.dumps(described, sort_keys=True))}
     for run in runs:
         manifest = run.folder / export_format.MANIFEST
         if manifest.exists():  # it vouches for every file of the run
@@ -161,6 +162,13 @@ def _source(runs: Sequence[Run], described: Mapping[str, Any]) -> dict[str, str]
             stats = [(path.relative_to(run.folder).as_posix(), path.stat()) for path in files]
             source[run.name] = _digest(str([(name, stat.st_size, stat.st_mtime_ns) for name, stat in stats]))
     return source
+
+
+def _code_digest() -> str:
+    """Checksum of the two packages, so that an analysis is made anew after any change of the code that made it."""
+    packages = [Path(str(package.__file__)).parent for package in (forcechain, harness)]
+    files = [path for package in packages for path in sorted(package.rglob("*.py"))]
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
 
 def _digest(text: str) -> str:

@@ -71,12 +71,12 @@ def average(segments: pd.DataFrame) -> pd.DataFrame:
 def class_shares(yielding: pd.DataFrame) -> pd.DataFrame:
     """Share of each class among the buckled segments of a case, in percent, with its standard error: as Table 1.
 
-    A row "slides in chain" gives the share in which a contact of the chain itself slides.
+    A row "slides first" gives the share in which a contact of the chain slides before the chain's moment yields.
     """
     rows = []
     for case, of_case in yielding.groupby("case", sort=False):
         flags = {str(number): of_case["buckling_class"] == number for number in (1, 2, 3, 4)}
-        flags["slides in chain"] = of_case["slides_in_chain"].astype(bool)
+        flags["slides first"] = of_case["slides_first"].astype(bool)
         for name, flag in flags.items():
             percent = 100.0 * flag
             groups = [np.asarray(values, dtype=np.float64)[None, :] for _, values in percent.groupby(of_case["run"])]

@@ -259,7 +259,7 @@ def _values_by_run(
         return [run.mean(axis=0) for run in histories(segments, "lateral_force_N")]
     if quantity == "sliding_share_percent":
         of_case = analysis.yielding[analysis.yielding["case"] == case]
-        flags = of_case["slides_in_chain"].astype(float) * 100.0
+        flags = of_case["slides_first"].astype(float) * 100.0
         return [np.asarray(group, dtype=np.float64) for _, group in flags.groupby(of_case["run"])]
     raise KeyError(quantity)
 

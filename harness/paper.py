@@ -107,7 +107,7 @@ PRINTED = (
     ),
     Reference(
         quantity="sliding_share_percent",
-        words="segments that slide inside the chain",
+        words="segments that buckle by sliding inside the chain",
         value=5.0,
         unit="%",
         floor=0.0,

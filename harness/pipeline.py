@@ -88,7 +88,7 @@ def analyse_run(
         facts=key | facts | {"drops": len(chosen)},
         drops=pd.DataFrame(drop_rows, columns=None if drop_rows else ["run", "case", "drop", "start", "end"]),
         segments=_joined(segment_rows, ["run", "case", "drop", "increment", *MEASURES]),
-        yielding=_joined(yielding_rows, ["run", "case", "drop", "buckling_class", "slides_in_chain"]),
+        yielding=_joined(yielding_rows, ["run", "case", "drop", "buckling_class", "slides_first"]),
         chains=_joined(chain_rows, ["run", "case", "drop", "chain", "length", "branch_points"]),
         members=_joined(member_rows, ["run", "case", "drop", "particle", "chain"]),
         ledger=tuple(ledger),
@@ -180,7 +180,8 @@ def _yielding_table(observed: DropObservation) -> pd.DataFrame:
             "buckling_class": yielding.buckling_class,
             "chain_moment_increment": yielding.chain_moment,
             "weak_network_increment": yielding.weak_network,
-            "slides_in_chain": yielding.slides_in_chain,
+            "chain_sliding_increment": yielding.chain_sliding,
+            "slides_first": yielding.slides_first,
         }
     )
 

@@ -90,7 +90,9 @@ def class_table(case: str, analysis: Analysis) -> Table:
     rows = []
     for record in shares.to_dict("records"):
         key = str(record["class"])
-        words = paper.CLASS_WORDS[int(key)] if key.isdigit() else "a contact of the chain itself slides"
+        words = (
+            paper.CLASS_WORDS[int(key)] if key.isdigit() else "a contact of the chain slides before its moment yields"
+        )
         reference = "< 5" if not key.isdigit() else number(printed[int(key) - 1]) if printed else "-"
         share = with_error(record["percent"], record["percent_se"])
         rows.append([key, words, f"{record['segments']} of {record['of']}", share, reference])

@@ -122,8 +122,8 @@ def test_paper_rows_pass_on_the_print_and_fail_on_both_sides(found: Analysis, re
 
 def test_the_share_that_slides_has_an_upper_bound_alone(found: Analysis) -> None:
     words = next(reference.words for reference in paper.PRINTED if reference.upper_bound)
-    none = replace(as_the_paper(found), yielding=found.yielding.assign(slides_in_chain=False))
-    every = replace(as_the_paper(found), yielding=found.yielding.assign(slides_in_chain=True))
+    none = replace(as_the_paper(found), yielding=found.yielding.assign(slides_first=False))
+    every = replace(as_the_paper(found), yielding=found.yielding.assign(slides_first=True))
     assert row_of(none, words).verdict is Verdict.PASS
     assert row_of(every, words).verdict is Verdict.FAIL
 
