@@ -54,6 +54,7 @@ def assembly(n_particles: int, seed: int = 0) -> Snapshot:
     pairs = cKDTree(position).query_pairs(2.6 * RADIUS, output_type="ndarray")
     distance = np.linalg.norm(position[pairs[:, 1]] - position[pairs[:, 0]], axis=1)
     closest = np.argsort(distance - radius[pairs].sum(axis=1))[: 2 * n_particles]
+    closest = closest[np.lexsort(pairs[closest].T[::-1])]  # by id1, then id2, as snapshots are exported
     pairs, distance = pairs[closest], distance[closest]
     normal = (position[pairs[:, 1]] - position[pairs[:, 0]]) / distance[:, None]
     count = len(pairs)

@@ -79,7 +79,7 @@ def _components(snapshot: Snapshot) -> tuple[FloatArray, FloatArray]:
 def principal(stress: FloatArray) -> Principal:
     """Return the principal values and directions of symmetric tensors (n, 2, 2), in closed form.
 
-    (σ₁, σ₂) = mean ± √(((σ_xx − σ_yy)/2)² + σ_xy²), direction at half of atan2(σ_xy, (σ_xx − σ_yy)/2).
+    (σ₁, σ₂) = mean ± √(((σ_xx − σ_yy)/2)² + σ_xy²); the direction solves (σ − σ₁) n = 0.
     Raises ValueError for another shape or a number that is not finite.
 
     >>> found = principal([[[3.0, 0.0], [0.0, 1.0]], [[2.0, 0.0], [0.0, 2.0]]])
@@ -94,11 +94,14 @@ def principal(stress: FloatArray) -> Principal:
     difference = 0.5 * (tensors[:, 0, 0] - tensors[:, 1, 1])
     shear = 0.5 * (tensors[:, 0, 1] + tensors[:, 1, 0])
     radius = np.hypot(difference, shear)
-    angle = 0.5 * np.arctan2(shear, difference)
-    direction = np.empty((len(tensors), 2))
-    np.cos(angle, out=direction[:, 0])
-    np.sin(angle, out=direction[:, 1])
-    direction[radius <= ISOTROPY_TOLERANCE * (np.abs(mean) + radius)] = 0
+    # Both (radius + difference, shear) and (shear, radius - difference) lie along the major direction: take the longer,
+    # which never cancels. An isotropic tensor has neither, and stays without a direction.
+    upright = difference < 0
+    along_x = np.where(upright, shear, radius + difference)
+    along_y = np.where(upright, radius - difference, shear)
+    length = np.hypot(along_x, along_y)
+    length[radius <= ISOTROPY_TOLERANCE * (np.abs(mean) + radius)] = np.inf
+    direction = np.stack((along_x / length, along_y / length), axis=1)
     return Principal(major=mean + radius, minor=mean - radius, direction=direction)
 
 
