@@ -6,6 +6,7 @@ options' values. Eigenvectors come from numpy with a random sign.
 
 from __future__ import annotations
 
+import cmath
 import math
 import random
 from collections import defaultdict
@@ -145,13 +146,12 @@ def segments(found, options):
 
 
 def angle(s, segment):
-    one, two, three = (np.array(s.centre[i]) for i in segment)
-    line = three - one
+    """The acute angle of two lines, from the argument of their quotient as complex numbers."""
+    one, two, three = (complex(*s.centre[i]) for i in segment)
     angles = []
     for end in (one, three):
-        arm = end - two
-        cosine = abs(float(arm @ line)) / float(np.linalg.norm(arm) * np.linalg.norm(line))
-        angles.append(math.acos(min(1.0, cosine)))
+        turn = abs(cmath.phase((end - two) / (three - one)))
+        angles.append(min(turn, math.pi - turn))
     return sum(angles) / 2
 
 
