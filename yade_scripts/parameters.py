@@ -89,7 +89,7 @@ MATERIAL = (
     ),
     Parameter(
         "mass",
-        "true",
+        "equal",
         "",
         "masses: by size, or every disc the mean mass and a cylinder's inertia (only the inertial number matters)",
         choices=("true", "equal"),
@@ -102,7 +102,14 @@ LOADING = (
     Parameter("strain_rate", 0.0, "1/s", "strain rate; 0: what the inertial number asks for", 0, 1e9),
     Parameter("final_axial_strain", 0.1, "-", "axial strain at which the test ends", 0, 0.9, False),
     Parameter("damping", 0.2, "-", "local (non-viscous) damping of the discs", 0, 1),
-    Parameter("time_step_factor", 0.3, "-", "time step over sqrt(mass/normal stiffness)", 0, 2, False),
+    Parameter(
+        "time_step_factor",
+        0.0,
+        "-",
+        "time step over sqrt(smallest mass/normal stiffness); 0: the largest that is safe, 0.5 with equal masses",
+        0,
+        2,
+    ),
 )
 
 SAMPLING = (

@@ -86,5 +86,5 @@ def rough(make_run: Callable[..., Path], study: Path) -> Path:
 
 @pytest.fixture(scope="session")
 def smooth(make_run: Callable[..., Path], rough: Path) -> Path:
-    """The same run without rolling friction, from the same packing."""
-    return make_run(rough.parent / "smooth", rolling_friction=0.0)
+    """The same run without rolling friction and with masses by size, from the same packing."""
+    return make_run(rough.parent / "smooth", rolling_friction=0.0, mass="true")
