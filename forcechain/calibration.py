@@ -263,7 +263,8 @@ def _estimate(
     if name == "lateral_strength":
         identified = Identified.MEASURED
     elif open_above:
-        identified = Identified.BOUNDED_BELOW
+        tells = interval.width < MOST_OF_RANGE * top
+        identified = Identified.BOUNDED_BELOW if tells else Identified.NO
     elif not information:
         identified = Identified.NO
     elif _at_edge(best, index):
