@@ -25,7 +25,7 @@ from scipy.linalg import eigh, solve_banded
 
 from forcechain.arrays import BoolArray, FloatArray, float_array, freeze
 from forcechain.theory.arcs import Chain
-from forcechain.theory.equilibrium import overlap_elastic
+from forcechain.theory.equilibrium import Number, overlap_elastic
 from forcechain.theory.parameters import ChainParameters
 
 SMALLEST, LARGEST = 3, 200
@@ -40,7 +40,7 @@ class BucklingModes:
         critical_force: (N-2,) [N]; NaN for a mode too stiff to occur (its overlap would exceed a radius).
         critical_displacement_over_R: (N-2,).
         stiffness: (N-2,) eigenvalue L [N/m]: d (2 - d) = L/kn, the generalisation of (14).
-        angles: (N-2, N-1) buckling angles of each mode, the largest of size 1, its first lobe positive.
+        angles: (N-2, N-1) buckling angles of each mode, the largest of size 1, the first positive.
         lateral_displacement: (N-2, N) over R, to the same scale.
         rotations: (N-2, N), to the same scale.
     """
@@ -84,12 +84,53 @@ def elastic_hessian(parameters: ChainParameters, n_particles: int) -> tuple[Floa
     return stored, shortening
 
 
-def buckling_modes(parameters: ChainParameters, n_particles: int) -> BucklingModes:
-    """Critical loads and shapes of all N-2 modes of the perfect column, by a symmetric eigenproblem.
+def mode_stiffness(
+    wave: Number,
+    chain_tangential_stiffness: Number,
+    rolling_stiffness: Number,
+    lateral_stiffness: Number,
+) -> tuple[Number, Number]:
+    """Stiffness L [N/m] of a straight column against a sine wave, and the rotation that goes with it.
 
-    The rotations are eliminated from the elastic Hessian about the straight column (`elastic_hessian`); each eigenvalue
-    L of what remains gives the load at which that mode costs nothing: d (2 - d) = L/kn, F = kn R d. For N = 3 this is
-    (14) and (15).
+    With u = sin(a i) and w = W cos(a i) for particle i, every balance of `elastic_hessian`'s form holds, also at the
+    ends where a = k pi/(N - 1), k = 1 to N - 2:
+
+        W = kFC sin a/(kFC (1 + cos a) + kr (1 - cos a)),    L = 4 kFC + 2 (ks - 2 kFC W sin a)/(1 - cos a).
+
+    So all modes are known in closed form. For N = 3, a = pi/2, L/2 is 2 K + ks of (14).
+
+    Args:
+        wave: a [rad], phase from one particle to the next, above 0 and below pi.
+        chain_tangential_stiffness, rolling_stiffness, lateral_stiffness: kFC, kr, ks [N/m].
+
+    >>> stiffness, _ = mode_stiffness(np.pi / 2, 1.0, 1.0, 0.0)
+    >>> float(stiffness.round(12))
+    2.0
+    """
+    kFC, kr, ks = chain_tangential_stiffness, rolling_stiffness, lateral_stiffness
+    sine, cosine = np.sin(wave), np.cos(wave)
+    W = kFC * sine / (kFC * (1 + cosine) + kr * (1 - cosine))
+    return 4 * kFC + 2 * (ks - 2 * kFC * W * sine) / (1 - cosine), W
+
+
+def stiffness_by_eigenproblem(parameters: ChainParameters, n_particles: int) -> FloatArray:
+    """(N-2,) stiffness L [N/m] of all modes, rising, by a symmetric eigenproblem: the check of `mode_stiffness`.
+
+    The rotations are eliminated from the elastic Hessian about the straight column; the eigenvalues of what remains,
+    against the geometric matrix, are L. Raises ValueError as `buckling_modes` does.
+    """
+    N = particle_count(n_particles)
+    stored, shortening = elastic_hessian(parameters, N)
+    # Without moments the particles may all roll on each other like gears at no cost: the least rotation is taken.
+    follow = -np.linalg.pinv(stored[:N, :N], hermitian=True) @ stored[:N, N:]
+    condensed = stored[N:, N:] + stored[N:, :N] @ follow
+    return np.asarray(eigh((condensed + condensed.T) / 2, shortening[N:, N:], eigvals_only=True))
+
+
+def buckling_modes(parameters: ChainParameters, n_particles: int) -> BucklingModes:
+    """Critical loads and shapes of all N-2 modes of the perfect column, in closed form (`mode_stiffness`).
+
+    A mode of stiffness L costs nothing at the load where d (2 - d) = L/kn, F = kn R d. For N = 3 this is (14) and (15).
 
     Raises ValueError for arrays of parameters or a number of particles outside 3 to 200.
 
@@ -98,27 +139,23 @@ def buckling_modes(parameters: ChainParameters, n_particles: int) -> BucklingMod
     10.942468405
     """
     chain, N = Chain.of(parameters), particle_count(n_particles)
-    stored, shortening = elastic_hessian(parameters, N)
-    # Without moments the particles may all roll on each other like gears at no cost: the least rotation is taken.
-    follow = -np.linalg.pinv(stored[:N, :N], hermitian=True) @ stored[:N, N:]
-    condensed = stored[N:, N:] + stored[N:, :N] @ follow
-    stiffness, shapes = eigh((condensed + condensed.T) / 2, shortening[N:, N:])
-    stiffness = np.maximum(stiffness, 0.0)
-    u = np.zeros((N - 2, N))
-    u[:, 1:-1] = shapes.T
+    kr = chain.kr if chain.mu_r > 0 else 0.0  # a moment without strength has no stiffness
+    wave = np.pi * np.arange(1, N - 1) / (N - 1)
+    L, W = (np.asarray(values) for values in mode_stiffness(wave, chain.kFC, kr, chain.ks))
+    rising = np.argsort(L, kind="stable")
+    L, W, phase = L[rising], W[rising], wave[rising, None] * np.arange(N)
+    u, w = np.sin(phase), W[:, None] * np.cos(phase)
+    u[:, -1] = 0.0  # as sin(k pi) is
     angles = np.diff(u, axis=1) / 2
-    largest = np.argmax(np.abs(angles) > 0.999999 * np.abs(angles).max(axis=1, keepdims=True), axis=1)
-    scale = angles[np.arange(N - 2), largest]
-    first = np.argmax(np.abs(angles) > 0.05 * np.abs(scale[:, None]), axis=1)
-    scale = np.abs(scale) * np.sign(angles[np.arange(N - 2), first])
-    overlap = np.asarray(overlap_elastic(stiffness / chain.kn))
+    scale = np.abs(angles).max(axis=1, keepdims=True)
+    overlap = np.asarray(overlap_elastic(L / chain.kn))
     return BucklingModes(
         critical_force=chain.kn * chain.R * overlap,
         critical_displacement_over_R=(N - 1) * overlap,
-        stiffness=stiffness,
-        angles=angles / scale[:, None],
-        lateral_displacement=u / scale[:, None],
-        rotations=(u[:, 1:-1] @ follow.T) / scale[:, None],
+        stiffness=L,
+        angles=angles / scale,
+        lateral_displacement=u / scale,
+        rotations=w / scale,
     )
 
 

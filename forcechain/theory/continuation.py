@@ -11,14 +11,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import LinAlgError
 
-from forcechain.arrays import BoolArray, FloatArray, freeze
+from forcechain.arrays import FloatArray
 from forcechain.theory.column import Column, Response, buckling_modes, imperfect_angles, particle_count, solve
+from forcechain.theory.column_path import ColumnPath, Walk, as_path
 from forcechain.theory.history import Ending
 from forcechain.theory.parameters import ChainParameters
 from forcechain.theory.states import Status
@@ -32,61 +32,6 @@ FIRST_STEP, LARGEST_STEP, SMALLEST_STEP = 0.01, 0.03, 1e-7
 ALMOST = 1e-4  # a slider this near its limit is about to slip
 UNLOADED = 1e-3  # of the force at the start of unloading
 MOST_POINTS = 2000
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ColumnPath:
-    """Equilibrium path of a column, arrays read-only; n_points first.
-
-    Attributes:
-        angles: (n_points, N-1) buckling angles t of the contacts [rad].
-        axial_force: (n_points,) [N].
-        axial_displacement_over_R: (n_points,).
-        normal_displacement_over_R: (n_points, N-1).
-        rotations: (n_points, N) [rad].
-        lateral_displacement_over_R: (n_points, N).
-        contact_moment: (n_points, N-1) on the next particle [N m].
-        lateral_force: (n_points, N) against the displacement [N].
-        moment_plastic, lateral_plastic: (n_points, N-1), (n_points, N) whether each slider slipped in the last step.
-        falling: (n_points,) whether the displacement fell while loading: the force snaps down under its control.
-        unloading: (n_points,) whether the point belongs to the unloading leg.
-        work, stored, moment_dissipation, lateral_dissipation: (n_points,) [J], increments by the trapezoidal rule.
-        ending: why the path ended.
-    """
-
-    angles: FloatArray
-    axial_force: FloatArray
-    axial_displacement_over_R: FloatArray  # noqa: N815
-    normal_displacement_over_R: FloatArray  # noqa: N815
-    rotations: FloatArray
-    lateral_displacement_over_R: FloatArray  # noqa: N815
-    contact_moment: FloatArray
-    lateral_force: FloatArray
-    moment_plastic: BoolArray
-    lateral_plastic: BoolArray
-    falling: BoolArray
-    unloading: BoolArray
-    work: FloatArray
-    stored: FloatArray
-    moment_dissipation: FloatArray
-    lateral_dissipation: FloatArray
-    ending: Ending
-
-    def __post_init__(self) -> None:
-        """Make every array read-only."""
-        freeze(*(getattr(self, name) for name in self.__dataclass_fields__ if name != "ending"))
-
-
-@dataclass(slots=True)
-class _Walk:
-    """The state a walk along the path carries, and the points it leaves behind."""
-
-    column: Column
-    y: FloatArray
-    phi: float
-    plastic_rotation: FloatArray
-    plastic_lateral: FloatArray
-    points: list[tuple[FloatArray, float, FloatArray, FloatArray, Response, bool]] = field(default_factory=list)
 
 
 def follow_column(
@@ -133,17 +78,17 @@ def follow_column(
             f"largest_angle: expected above the imperfection's {np.abs(start).max():g} rad, found {largest_angle:g}"
         )
     column = Column(parameters, N, start)
-    walk = _Walk(column, np.zeros(2 * N), 0.0, np.zeros(N - 1), np.zeros(N))
+    walk = Walk(column, np.zeros(2 * N), 0.0, np.zeros(N - 1), np.zeros(N))
     perfect = not start.any()
     if perfect:
         _bifurcate(walk, parameters, mode)
     ending = _walk_on(walk, largest_angle, largest_step, unloading=False)
     if unload and ending == Ending.REACHED:
         ending = _walk_on(walk, largest_angle, largest_step, unloading=True)
-    return _as_path(walk, perfect, ending)
+    return as_path(walk, perfect, ending)
 
 
-def _bifurcate(walk: _Walk, parameters: ChainParameters, mode: int) -> None:
+def _bifurcate(walk: Walk, parameters: ChainParameters, mode: int) -> None:
     """Put the walk on the buckled branch of a perfect column, a small way along the mode."""
     column = walk.column
     modes = buckling_modes(parameters, column.N)
@@ -165,7 +110,7 @@ def _bifurcate(walk: _Walk, parameters: ChainParameters, mode: int) -> None:
 
 
 def _correct(
-    walk: _Walk,
+    walk: Walk,
     y: FloatArray,
     phi: float,
     normal: FloatArray,
@@ -202,7 +147,7 @@ def _correct(
     return best
 
 
-def _accept(walk: _Walk, y: FloatArray, phi: float, response: Response, unloading: bool) -> None:
+def _accept(walk: Walk, y: FloatArray, phi: float, response: Response, unloading: bool) -> None:
     """Move the walk to a converged point and let the sliders keep what they slipped."""
     column = walk.column
     if column.kr > 0:
@@ -225,13 +170,13 @@ def _tangent(response: Response, forward: tuple[FloatArray, float] | None) -> tu
     return y, phi
 
 
-def _elastic(walk: _Walk) -> Response:
+def _elastic(walk: Walk) -> Response:
     """Return the response with every slider holding from here: the tangent of unloading."""
     column = walk.column
     return column.respond(walk.y, walk.phi, np.diff(walk.y[0::2]), walk.y[1::2])
 
 
-def _walk_on(walk: _Walk, largest_angle: float, largest_step: float, *, unloading: bool) -> Ending:
+def _walk_on(walk: Walk, largest_angle: float, largest_step: float, *, unloading: bool) -> Ending:
     """Continue the path until the largest angle, or while unloading until the force vanishes."""
     column = walk.column
     if unloading:
@@ -288,7 +233,7 @@ def _walk_on(walk: _Walk, largest_angle: float, largest_step: float, *, unloadin
     return Ending.DEAD_END
 
 
-def _turned_tangents(walk: _Walk) -> Iterator[tuple[FloatArray, float]]:
+def _turned_tangents(walk: Walk) -> Iterator[tuple[FloatArray, float]]:
     """Tangents for sliders about to slip where the path does not simply go on: it turns back, or it localises.
 
     The sliders on their limits are taken as slipping, first all of them and then each alone, the others holding; each
@@ -326,7 +271,7 @@ def _turned_tangents(walk: _Walk) -> Iterator[tuple[FloatArray, float]]:
         yield (y, phi) if slip > 0 else (-y, -phi)
 
 
-def _past_corner(walk: _Walk) -> tuple[FloatArray, float, Response, int] | None:
+def _past_corner(walk: Walk) -> tuple[FloatArray, float, Response, int] | None:
     """Find the next point where the plain continuation fails, along one of `_turned_tangents`."""
     for tangent_y, tangent_phi in _turned_tangents(walk):
         step = FIRST_STEP
@@ -348,13 +293,13 @@ def _past_corner(walk: _Walk) -> tuple[FloatArray, float, Response, int] | None:
     return None
 
 
-def _moves_on(walk: _Walk, found: tuple[FloatArray, float, Response, int], step: float) -> bool:
+def _moves_on(walk: Walk, found: tuple[FloatArray, float, Response, int], step: float) -> bool:
     """Whether a corrected point lies near its prediction, not on another path."""
     y, phi = found[0] - walk.y, found[1] - walk.phi
     return math.sqrt(float(y @ y) + phi * phi) < 3 * step
 
 
-def _land_on_angle(walk: _Walk, y: FloatArray, phi: float, contact: int, angle: float) -> bool:
+def _land_on_angle(walk: Walk, y: FloatArray, phi: float, contact: int, angle: float) -> bool:
     """Correct a point just beyond the angle asked for to that angle; False where that fails."""
     column = walk.column
     normal = np.zeros_like(y)
@@ -368,7 +313,7 @@ def _land_on_angle(walk: _Walk, y: FloatArray, phi: float, contact: int, angle: 
     return True
 
 
-def _land_on_zero_force(walk: _Walk, tangent_y: FloatArray, tangent_phi: float) -> Ending:
+def _land_on_zero_force(walk: Walk, tangent_y: FloatArray, tangent_phi: float) -> Ending:
     """Approach zero force in shrinking steps of the load: at zero itself moments have no strength to yield by."""
     for _ in range(40):
         target = walk.phi / 2
@@ -383,52 +328,3 @@ def _land_on_zero_force(walk: _Walk, tangent_y: FloatArray, tangent_phi: float) 
         norm = math.sqrt(float(before[0] @ before[0]) + before[1] ** 2)
         tangent_y, tangent_phi = before[0] / norm, before[1] / norm
     return Ending.SEPARATED
-
-
-def _as_path(walk: _Walk, perfect: bool, ending: Ending) -> ColumnPath:
-    """Turn the points into arrays and add up the energies."""
-    column, chain = walk.column, walk.column.chain
-    kn, R = chain.kn, chain.R
-    y = np.array([point[0] for point in walk.points])
-    phi = np.array([point[1] for point in walk.points])
-    plastic_rotation = np.array([point[2] for point in walk.points])
-    plastic_lateral = np.array([point[3] for point in walk.points])
-    w, u = y[:, 0::2], y[:, 1::2]
-    sines = np.diff(u, axis=1) / 2 + column.start_sines
-    cosines = np.sqrt(1 - sines * sines)
-    d = phi[:, None] * cosines
-    moment = np.array([point[4].moment for point in walk.points])
-    lateral = np.array([point[4].lateral for point in walk.points])
-    shortening = (2 * column.start_cosines - (2 - d) * cosines).sum(axis=1)
-    tau = np.diff(u, axis=1) - w[:, :-1] - w[:, 1:]
-    stored = (d**2).sum(axis=1) + column.kFC * (tau**2).sum(axis=1)
-    stored += column.kr * ((np.diff(w, axis=1) - plastic_rotation) ** 2).sum(axis=1)
-    stored += column.ks * ((u - plastic_lateral) ** 2).sum(axis=1)
-    begin = (column.N - 1) * phi[0] ** 2 / 2 if perfect else 0.0  # stage 1a
-
-    def added(force: FloatArray, motion: FloatArray) -> FloatArray:
-        steps = ((force[1:] + force[:-1]) / 2 * np.diff(motion, axis=0)).reshape(len(phi) - 1, -1).sum(axis=1)
-        return np.concatenate(([0.0], np.cumsum(steps)))
-
-    unloading = np.array([point[5] for point in walk.points])
-    falling = np.concatenate(([False], np.diff(shortening) < 0)) & ~unloading
-    unit = kn * R * R
-    return ColumnPath(
-        angles=np.arcsin(sines),
-        axial_force=kn * R * phi,
-        axial_displacement_over_R=shortening,
-        normal_displacement_over_R=d,
-        rotations=w,
-        lateral_displacement_over_R=u,
-        contact_moment=unit * moment,
-        lateral_force=kn * R * lateral,
-        moment_plastic=np.array([point[4].moment_slips for point in walk.points]),
-        lateral_plastic=np.array([point[4].lateral_slips for point in walk.points]),
-        falling=falling,
-        unloading=unloading,
-        work=unit * (begin + added(phi, shortening)),
-        stored=unit * stored / 2,
-        moment_dissipation=unit * added(moment, plastic_rotation),
-        lateral_dissipation=unit * added(lateral, plastic_lateral),
-        ending=ending,
-    )

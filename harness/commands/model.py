@@ -3,44 +3,34 @@
 from __future__ import annotations
 
 import argparse
-import csv
-import difflib
-import json
 import math
 import sys
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from forcechain.arrays import FloatArray
-from forcechain.theory.continuation import ColumnPath, follow_column
+from forcechain.theory.column_path import ColumnPath
+from forcechain.theory.continuation import follow_column
 from forcechain.theory.history import Ending, follow, unloading
 from forcechain.theory.parameters import TABLE_3_RATIOS, ChainParameters
-from forcechain.theory.states import ChainState, Stability, Status
+from forcechain.theory.states import ChainState, Status
 from forcechain.theory.three_particle import loading, straight
 from forcechain.theory.yielding import critical_displacement, yield_angles
 from harness.errors import EXIT_GOOD, InputError
+from harness.model_arguments import chain_parameters, guarded, parse_count, parse_numbers, parse_settings, parse_sweep
+from harness.model_tables import COLUMNS, as_record, column_record, column_rows, print_csv, print_json, rows
 
 HELP = "the analytic model's curves as CSV, JSON or a plot"
 EXAMPLE = "forcechain model --set rolling_friction=0.05 --angles 5,14,25"
 
-COLUMNS = (
-    "buckling_angle_deg",
-    "stage",
-    "axial_force_N",
-    "axial_displacement_over_R",
-    "normal_displacement_over_R",
-    "rotation_deg",
-)
 LARGEST_ANGLE_DEG = 60.0  # of the default grid; the paper's figures end at D/R = 0.6, near 30 degrees
 LARGEST_COLUMN_ANGLE_DEG = 40.0
 GRID_STEP_DEG = 0.5
 STRAIGHT_POINTS = 11
 PLOT_SUFFIXES = (".png", ".svg", ".pdf")
-Result = TypeVar("Result")
 FIGURES = ("curves", "configurations", "sweeps", "modes", "classes", "bound")
 
 
@@ -133,76 +123,6 @@ def write_curves(args: argparse.Namespace, given: dict[str, float]) -> None:
     print_csv(table)
 
 
-def parse_settings(settings: list[str]) -> dict[str, float]:
-    """Turn NAME=VALUE texts into values; InputError names what is wrong and what was probably meant."""
-    given: dict[str, float] = {}
-    for setting in settings:
-        name, equals, text = setting.partition("=")
-        if not equals:
-            raise InputError(f"--set {setting}: expected NAME=VALUE, for example --set rolling_friction=0.05")
-        name = name.strip()
-        check_name("--set", name)
-        if name in given:
-            raise InputError(f"--set {name}: given twice")
-        given[name] = parse_numbers(f"--set {name}", text, most=1)[0]
-    return given
-
-
-def parse_sweep(text: str) -> tuple[str, list[float]]:
-    """Turn NAME=A,B,... into the name and its values."""
-    name, equals, values = text.partition("=")
-    if not equals:
-        raise InputError(f"--sweep {text}: expected NAME=A,B,..., for example --sweep rolling_friction=0.02,0.2")
-    check_name("--sweep", name.strip())
-    return name.strip(), parse_numbers(f"--sweep {name.strip()}", values)
-
-
-def check_name(option: str, name: str) -> None:
-    """Raise InputError unless `name` is a parameter of the model."""
-    if name in TABLE_3_RATIOS:
-        return
-    close = difflib.get_close_matches(name, TABLE_3_RATIOS, 1)
-    hint = f"did you mean {close[0]}?" if close else "known: " + ", ".join(TABLE_3_RATIOS)
-    raise InputError(f"{option} {name}: no such parameter; {hint}")
-
-
-def parse_numbers(option: str, text: str, most: int | None = None) -> list[float]:
-    """Turn "A,B,..." into finite numbers."""
-    numbers = []
-    for part in text.split(","):
-        try:
-            number = float(part)
-        except ValueError:
-            number = math.nan
-        if not math.isfinite(number):
-            raise InputError(f"{option}: expected a finite number, found {part.strip()!r}")
-        numbers.append(number)
-    if most is not None and len(numbers) > most:
-        raise InputError(f"{option}: expected one number, found {len(numbers)}")
-    return numbers
-
-
-def parse_count(option: str, text: str) -> int:
-    """Turn a text into a whole number."""
-    number = parse_numbers(option, text, most=1)[0]
-    if not number.is_integer():
-        raise InputError(f"{option}: expected a whole number, found {text}")
-    return int(number)
-
-
-def guarded(work: Callable[[], Result]) -> Result:
-    """Return what `work` returns; the theory's ValueError, one line already, becomes an InputError."""
-    try:
-        return work()
-    except ValueError as error:
-        raise InputError(f"model: {error}") from None
-
-
-def chain_parameters(values: dict[str, Any]) -> ChainParameters:
-    """Table 3 with `values`; InputError for what the model does not admit."""
-    return guarded(lambda: ChainParameters.from_ratios(**values))
-
-
 def default_angles(parameters: ChainParameters, largest_deg: float = LARGEST_ANGLE_DEG) -> FloatArray:
     """Angles [rad] over all stages in even steps, with the angles of yielding among them."""
     first = float(parameters.imperfection)
@@ -260,55 +180,6 @@ def checked(state: ChainState) -> ChainState:
     return state
 
 
-def rows(state: ChainState) -> list[tuple[Any, ...]]:
-    """One tuple a point, in the order of COLUMNS; plain Python numbers, so that they print shortest and whole."""
-    return list(
-        zip(
-            np.round(np.degrees(state.angle), 12).tolist(),  # 14, not 14.000000000000002
-            state.stage.tolist(),
-            state.axial_force.tolist(),
-            state.axial_displacement_over_R.tolist(),
-            state.normal_displacement_over_R.tolist(),
-            np.degrees(state.rotation).tolist(),
-            strict=True,
-        )
-    )
-
-
-def print_csv(table: list[tuple[Any, ...]]) -> None:
-    """Write a table to standard output."""
-    csv.writer(sys.stdout, lineterminator="\n").writerows(table)
-
-
-def print_json(record: Any) -> None:
-    """Write plain data to standard output."""
-    json.dump(record, sys.stdout, indent=1, allow_nan=False)
-    sys.stdout.write("\n")
-
-
-def degrees_or_none(angle: Any) -> float | None:
-    """Return an angle in degrees, None (null) for one that is never reached."""
-    return float(np.degrees(angle)) if np.isfinite(angle) else None
-
-
-def as_record(name: str | None, value: Any, parameters: ChainParameters, states: list[ChainState]) -> dict[str, Any]:
-    """One curve as plain data: parameters as given on the command line, yield angles (null: never), points."""
-    angles = yield_angles(parameters)
-    points = [
-        dict(zip(COLUMNS, row, strict=True))
-        | {"status": Status(status).name.lower(), "stability": Stability(stability).name.lower()}
-        for state in states
-        for row, status, stability in zip(rows(state), state.status, state.stability, strict=True)
-    ]
-    return {
-        **({} if name is None else {"sweep": {name: value}}),
-        "parameters": {key: float(number) for key, number in parameters.ratios().items()},
-        "lateral_yield_deg": degrees_or_none(angles.lateral),
-        "moment_yield_deg": degrees_or_none(angles.moment),
-        "points": points,
-    }
-
-
 def column_path(args: argparse.Namespace, parameters: ChainParameters) -> ColumnPath:
     """Follow the column asked for."""
     n = parse_count("--particles", args.particles)
@@ -332,29 +203,6 @@ def column_path(args: argparse.Namespace, parameters: ChainParameters) -> Column
     return path
 
 
-def column_rows(path: ColumnPath) -> list[tuple[Any, ...]]:
-    """One tuple a point, in the order of COLUMNS, taken at the contact with the largest buckling angle."""
-    contact = np.abs(path.angles).argmax(axis=1)
-    point = np.arange(len(contact))
-    moment, lateral = path.moment_plastic.any(axis=1), path.lateral_plastic.any(axis=1)
-    stage = np.array(["1b", "2", "2'", "3"])[lateral + 2 * moment]
-    stage[path.unloading] = "4"
-    angles = np.round(np.degrees(np.abs(path.angles[point, contact])), 12)
-    if path.axial_force[0] > 0:
-        stage[0] = "1a"  # the perfect column at its critical load
-    return list(
-        zip(
-            angles.tolist(),
-            stage.tolist(),
-            path.axial_force.tolist(),
-            path.axial_displacement_over_R.tolist(),
-            path.normal_displacement_over_R[point, contact].tolist(),
-            np.degrees(np.abs(path.rotations).max(axis=1)).tolist(),
-            strict=True,
-        )
-    )
-
-
 def write_column(args: argparse.Namespace, given: dict[str, float]) -> None:
     """Print the path of a column of N particles."""
     parameters = chain_parameters(given)
@@ -362,25 +210,7 @@ def write_column(args: argparse.Namespace, given: dict[str, float]) -> None:
     if not args.json:
         print_csv([COLUMNS, *column_rows(path)])
         return
-    points = [
-        dict(zip(COLUMNS, row, strict=True))
-        | {
-            "buckling_angles_deg": np.degrees(path.angles[i]).tolist(),
-            "rotations_deg": np.degrees(path.rotations[i]).tolist(),
-            "lateral_displacements_over_R": path.lateral_displacement_over_R[i].tolist(),
-            "moment_plastic": path.moment_plastic[i].tolist(),
-            "lateral_plastic": path.lateral_plastic[i].tolist(),
-        }
-        for i, row in enumerate(column_rows(path))
-    ]
-    print_json(
-        {
-            "parameters": {key: float(number) for key, number in parameters.ratios().items()},
-            "particles": path.rotations.shape[1],
-            "ending": path.ending.name.lower(),
-            "points": points,
-        }
-    )
+    print_json(column_record(parameters, path))
 
 
 def draw(args: argparse.Namespace, given: dict[str, float]) -> None:
@@ -388,28 +218,28 @@ def draw(args: argparse.Namespace, given: dict[str, float]) -> None:
     file = Path(args.plot)
     if file.suffix.lower() not in PLOT_SUFFIXES:
         raise InputError(f"--plot {file}: expected a name that ends in {', '.join(PLOT_SUFFIXES)}")
-    from harness import theory_figures as figures  # matplotlib: not before a figure is wanted
+    from harness import column_figures, theory_figures  # matplotlib: not before a figure is wanted
     from harness.figure_style import style
 
     parameters = chain_parameters(given)
     with style():
         if args.particles is not None:
-            figure = figures.column_figure(column_path(args, parameters))
+            figure = column_figures.column_figure(column_path(args, parameters))
         elif args.sweep is not None:
             name, values = parse_sweep(args.sweep)
-            figure = guarded(lambda: figures.sweep_figure(name, values, parameters))
+            figure = guarded(lambda: theory_figures.sweep_figure(name, values, parameters))
         elif args.figure == "curves":
             unload = None
             if args.unload_from is not None:
                 unload = math.radians(parse_numbers("--unload-from", args.unload_from, most=1)[0])
-            figure = guarded(lambda: figures.curves_figure(parameters, unload))
+            figure = guarded(lambda: theory_figures.curves_figure(parameters, unload))
         else:
             makers = {
-                "configurations": figures.configurations_figure,
-                "sweeps": figures.sweeps_figure,
-                "modes": figures.modes_figure,
-                "classes": figures.class_map_figure,
-                "bound": figures.overlap_bound_figure,
+                "configurations": theory_figures.configurations_figure,
+                "sweeps": theory_figures.sweeps_figure,
+                "modes": column_figures.modes_figure,
+                "classes": theory_figures.class_map_figure,
+                "bound": theory_figures.overlap_bound_figure,
             }
             figure = guarded(lambda: makers[args.figure](parameters))
         try:

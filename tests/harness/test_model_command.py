@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from harness import cli
-from harness.commands.model import COLUMNS, FIGURES
+from harness.commands.model import FIGURES
+from harness.model_tables import COLUMNS
 
 PRINTED = {  # t [deg]: stage, F [N], d, D/R, w [deg] of Table 3
     5.0: ("1b", 10.896666670, 0.090686730, 0.195904487, 0.272027965),

@@ -4,9 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.linalg import cholesky_banded, eig_banded
 
-from forcechain.theory.column import BAND, Column, buckling_modes, imperfect_angles
-from forcechain.theory.continuation import ColumnPath, follow_column
+from forcechain.theory.column import (
+    BAND,
+    Column,
+    buckling_modes,
+    elastic_hessian,
+    imperfect_angles,
+    stiffness_by_eigenproblem,
+)
+from forcechain.theory.column_path import ColumnPath
+from forcechain.theory.continuation import follow_column
 from forcechain.theory.history import Ending, unloading
 from forcechain.theory.parameters import TABLE_3, ChainParameters
 from forcechain.theory.states import Status
@@ -26,7 +35,10 @@ def contact_energy(x, p: ChainParameters, force: float, start_sine=0.0, plastic_
 
 
 def numerical_hessian(p: ChainParameters, n: int, force: float) -> np.ndarray:
-    """Second differences of the potential about the straight column, (3N-3, 3N-3): all w, inner u, all overlaps."""
+    """Second differences of the potential about the straight column, in lower band storage.
+
+    Unknown are w, u and the overlap above of each particle in turn, so a contact couples unknowns at most 4 apart.
+    """
     d = force / (p.normal_stiffness * p.radius)
     base = np.array([0, 0, 0, 0, d])
     h = 1e-4
@@ -39,29 +51,43 @@ def numerical_hessian(p: ChainParameters, n: int, force: float) -> np.ndarray:
                 for sj in (1, -1)
             ]
             local[i, j] = sum(terms) / (4 * h * h)
-    full = np.zeros((3 * n - 1, 3 * n - 1))
-    for j in range(n - 1):
-        where = [j, n + j, j + 1, n + j + 1, 2 * n + j]
-        full[np.ix_(where, where)] += local
-    for i in range(1, n - 1):
-        full[n + i, n + i] += p.lateral_stiffness
-    keep = [i for i in range(3 * n - 1) if i not in (n, 2 * n - 1)]  # the ends do not move sideways
-    return full[np.ix_(keep, keep)]
+    where = (0, 1, 3, 4, 2)  # of w, u, next w, next u, overlap, counted from the particle's first
+    band = np.zeros((5, 3 * n))
+    for i, row in enumerate(where):
+        for j, column in enumerate(where):
+            if row >= column:
+                band[row - column, column : 3 * (n - 1) : 3] += local[i, j]
+    band[0, 3 * n - 3] += local[2, 2]  # the last particle ends the last contact
+    band[0, 3 * n - 2] += local[3, 3]
+    band[1, 3 * n - 3] += local[2, 3]
+    return held_ends(band, n, p)
 
 
-def positive_definite(matrix: np.ndarray) -> bool:
+def held_ends(band: np.ndarray, n: int, p: ChainParameters) -> np.ndarray:
+    """Add the lateral springs; hold the ends sideways and the overlap that no contact has."""
+    band[0, 4 : 3 * n - 3 : 3] += p.lateral_stiffness
+    for held in (1, 3 * n - 2, 3 * n - 1):
+        for apart in range(5):
+            band[apart, held] = 0.0
+            if held >= apart:
+                band[apart, held - apart] = 0.0
+        band[0, held] = p.normal_stiffness
+    return band
+
+
+def positive_definite(band: np.ndarray) -> bool:
     try:
-        np.linalg.cholesky(matrix)
+        cholesky_banded(band, lower=True)
     except np.linalg.LinAlgError:
         return False
     return True
 
 
-@pytest.mark.parametrize("n", [*range(3, 31), 50, 75, 100, 150, 200])
-def test_critical_load_is_where_the_numerical_hessian_ceases_to_be_positive(n):
-    force = float(buckling_modes(TABLE_3, n).critical_force[0])
-    assert positive_definite(numerical_hessian(TABLE_3, n, force * (1 - 1e-5)))
-    assert not positive_definite(numerical_hessian(TABLE_3, n, force * (1 + 1e-5)))
+def test_critical_load_is_where_the_numerical_hessian_ceases_to_be_positive():
+    for n in range(3, 201):
+        force = float(buckling_modes(TABLE_3, n).critical_force[0])
+        assert positive_definite(numerical_hessian(TABLE_3, n, force * (1 - 1e-5)))
+        assert not positive_definite(numerical_hessian(TABLE_3, n, force * (1 + 1e-5)))
 
 
 @pytest.mark.parametrize("n", [4, 9, 20])
@@ -70,9 +96,23 @@ def test_every_mode_costs_the_hessian_one_more_positive_direction(n):
     for k, force in enumerate(buckling_modes(p, n).critical_force):
         if not np.isfinite(force):
             break
-        below, above = (np.linalg.eigvalsh(numerical_hessian(p, n, float(force) * (1 + e))) for e in (-1e-5, 1e-5))
+        bands = (numerical_hessian(p, n, float(force) * (1 + e)) for e in (-1e-5, 1e-5))
+        below, above = (eig_banded(band, lower=True, eigvals_only=True) for band in bands)
         assert (below < 0).sum() == k
         assert (above < 0).sum() == k + 1
+
+
+@pytest.mark.parametrize("changes", [{}, {"rolling_stiffness": 0}, {"rolling_friction": 0}, {"lateral_stiffness": 0.2}])
+@pytest.mark.parametrize("n", [3, 4, 5, 8, 33])
+def test_closed_form_of_the_modes_is_the_eigenproblem(n, changes):
+    p = TABLE_3.with_ratios(**changes)
+    modes = buckling_modes(p, n)
+    np.testing.assert_allclose(modes.stiffness, stiffness_by_eigenproblem(p, n), rtol=1e-10)
+    stored, shortening = elastic_hessian(p, n)
+    shapes = np.concatenate((modes.rotations, modes.lateral_displacement[:, 1:-1]), axis=1)
+    np.testing.assert_allclose(
+        stored @ shapes.T, shortening @ shapes.T * modes.stiffness, atol=1e-10 * p.normal_stiffness
+    )
 
 
 def test_modes_of_three_particles_are_the_paper():

@@ -71,11 +71,11 @@ def test_thousand_random_chains_loaded_unloaded_and_loaded_again():
 def test_states_are_stationary_points_of_the_energy():
     """At given plastic displacements psi - F D has no slope in overlap, angle or rotation (finite differences)."""
     rng = np.random.default_rng(5)
-    for p in random_set(300, seed=31):
+    for p in random_set(1000, seed=31):
         first = rng.uniform(p.imperfection + 0.05, 1.3)
         path = follow(p, [first, 0.6 * first], points=12)
         state = path.state
-        for i in rng.choice(len(state.angle), 4, replace=False):
+        for i in rng.choice(len(state.angle), 2, replace=False):
             if state.angle[i] < 1e-3:
                 continue
             force, wp, tp = state.axial_force[i], state.plastic_rotation[i], state.plastic_support[i]

@@ -235,3 +235,40 @@ def test_results_are_read_only():
     state = loading(TABLE_3, 0.1)
     with pytest.raises(ValueError, match="read-only"):
         state.axial_force[...] = 0
+
+
+@pytest.mark.parametrize("scale", [1e-3, 7.0])
+def test_stiffness_and_radius_only_scale_the_forces(scale):
+    """All stiffnesses together, or the radius, multiply every force; lengths over R and angles stay."""
+    t = np.radians([1, 8, 15, 30, 70])
+    for imperfection in (0, 2):
+        base = TABLE_3.with_ratios(imperfection_deg=imperfection)
+        before = loading(base, t)
+        good = before.status == Status.EQUILIBRIUM
+        for changed in (
+            base.with_ratios(normal_stiffness=base.normal_stiffness * scale),
+            base.with_ratios(radius=base.radius * scale),
+        ):
+            after = loading(changed, t)
+            np.testing.assert_allclose(after.axial_force[good], scale * before.axial_force[good], rtol=1e-12)
+            np.testing.assert_allclose(after.lateral_force[good], scale * before.lateral_force[good], rtol=1e-12)
+            for name in ("axial_displacement_over_R", "normal_displacement_over_R", "rotation"):
+                np.testing.assert_allclose(getattr(after, name)[good], getattr(before, name)[good], rtol=1e-11)
+            assert (after.stage == before.stage).all()
+
+
+def test_broadcasting_is_the_same_as_one_by_one():
+    frictions, angles = np.array([0.0, 0.02, 0.2]), np.radians([0, 3, 12, 25, 95])
+    together = loading(TABLE_3.with_ratios(rolling_friction=frictions[:, None]), angles)
+    for i, friction in enumerate(frictions):
+        for j, angle in enumerate(angles):
+            one = loading(TABLE_3.with_ratios(rolling_friction=friction), angle)
+            assert one.stage == together.stage[i, j]
+            assert one.status == together.status[i, j]
+            assert one.stability == together.stability[i, j]
+            np.testing.assert_array_equal(one.axial_force, together.axial_force[i, j])
+
+
+def test_shapes_that_do_not_broadcast():
+    with pytest.raises(ValueError, match=r"broadcasts with the parameters' \(3,\), found \(2,\)"):
+        loading(TABLE_3.with_ratios(rolling_friction=[0.1, 0.2, 0.3]), [0.1, 0.2])
