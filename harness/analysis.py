@@ -20,7 +20,7 @@ from harness.averages import average, class_shares
 from harness.errors import InputError, RunError
 from harness.exports import Run, read_run, run_folders
 from harness.pipeline import RunAnalysis, analyse_runs, cases_of
-from harness.study import STUDY_COPY, RunSettings, Study, study_in
+from harness.study import STUDY_COPY, RunSettings, Study, planned_in, study_in
 from yade_scripts import export_format
 from yade_scripts.run_folder import write, write_json
 
@@ -108,7 +108,7 @@ def missing_runs(study: Study | None, directory: Path) -> dict[str, str]:
     there = {folder.name for folder in run_folders(directory)}
     return {
         run.run_id: f"run {run.run_id}: not started; forcechain run {study.source} makes it"
-        for run in study.planned_runs()
+        for run in planned_in(directory, study)
         if run.run_id not in there
     }
 

@@ -17,7 +17,7 @@ from harness import snapshot_files, tables
 from harness.errors import InputError, RunError
 from harness.manifest import file_disagreement, parameter_values, read_manifest
 from harness.snapshot_files import CONTACTS_CSV, ITERATION, NPZ, PARTICLES_CSV
-from harness.study import RUNS, STUDY_COPY, read_study
+from harness.study import RUNS, STUDY_COPY, planned_in, read_study
 from yade_scripts import export_format
 from yade_scripts.export_format import HISTORY_COLUMNS, SNAPSHOT_INDEX_COLUMNS, Column
 
@@ -127,7 +127,8 @@ def run_folders(directory: Path) -> tuple[Path, ...]:
     parent = directory / RUNS if (directory / RUNS).is_dir() else directory
     found = tuple(sorted(folder for folder in parent.iterdir() if folder.is_dir() and is_run(folder)))
     if (directory / STUDY_COPY).is_file():
-        planned = [run.run_id for run in read_study(directory / STUDY_COPY, script_needed=False).planned_runs()]
+        study = read_study(directory / STUDY_COPY, script_needed=False)
+        planned = [run.run_id for run in planned_in(directory, study)]
         there = {folder.name: folder for folder in found}
         found = tuple(there[run_id] for run_id in planned if run_id in there)
     if not found:

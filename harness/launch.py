@@ -15,7 +15,7 @@ from typing import Any, Protocol
 from harness.engines import Engine, Outcome, Task, ending_signals
 from harness.errors import RunError
 from harness.run_state import RunState, State, state_of, states_of_study
-from harness.study import BIAXIAL, PACKINGS, RUNS, STUDY_COPY, PlannedRun, Study
+from harness.study import BIAXIAL, PACKINGS, PLAN, RUNS, STUDY_COPY, PlannedRun, Study, plan_text
 from harness.yade_environment import Yade
 from yade_scripts import export_format, packing, parameters
 
@@ -222,6 +222,7 @@ def _keep_study(study: Study, directory: Path) -> None:
     kept = directory / STUDY_COPY
     if not kept.exists() or not kept.samefile(study.source):
         _write(kept, study.source.read_text(encoding="utf-8"))
+    _write(directory / PLAN, plan_text(study))
 
 
 def _write(path: Path, text: str) -> Path:

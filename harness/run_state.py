@@ -15,7 +15,7 @@ from typing import Any
 from harness import exports, validity
 from harness.errors import InputError
 from harness.manifest import parameter_values, products_disagreement, read_manifest
-from harness.study import RUNS, PlannedRun, RunSettings, Study, study_in
+from harness.study import RUNS, PlannedRun, RunSettings, Study, planned_in, study_in
 from yade_scripts import export_format
 
 STALE_AFTER_S = 60.0  # a run writes its progress every second
@@ -105,7 +105,7 @@ def states_in(directory: Path) -> tuple[RunState, ...]:
     """
     study = study_in(directory)
     if study is not None and not exports.is_run(directory):
-        return states_of_study(study, directory)
+        return tuple(state_of(directory / RUNS / run.run_id, study.run, run) for run in planned_in(directory, study))
     settings = study.run if study else RunSettings()
     return tuple(state_of(folder, settings) for folder in exports.run_folders(directory))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import itertools
+import json
 import re
 import tomllib
 from collections import Counter
@@ -17,6 +18,7 @@ from harness.errors import InputError
 from yade_scripts import parameters as run_parameters
 
 STUDY_COPY = "study.toml"
+PLAN = "plan.json"  # the runs as they were planned when they were launched
 RUNS = "runs"
 PACKINGS = "packings"
 BIAXIAL = "biaxial"
@@ -158,6 +160,31 @@ def read_study(path: Path, *, script_needed: bool = True) -> Study:
         raise InputError(f"{path}: {twice!r} stands in [parameters] and in [grid]; keep one")
     study.planned_runs()  # checks every parameter of every run
     return study
+
+
+def plan_text(study: Study) -> str:
+    """Write down the planned runs of `study`, to be kept with its results.
+
+    A later version of this package may know more parameters and so give the same study other run ids; the results
+    stay readable by the plan they were made from.
+    """
+    runs = [{"run_id": run.run_id, "parameters": dict(run.parameters)} for run in study.planned_runs()]
+    return json.dumps({"runs": runs}, indent=1) + "\n"
+
+
+def planned_in(directory: Path, study: Study) -> tuple[PlannedRun, ...]:
+    """Return the runs whose results `directory` is for: those of its plan, or what `study` plans where it has none."""
+    path = directory / PLAN
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        return tuple(
+            PlannedRun(run_id=str(run["run_id"]), parameters=MappingProxyType(dict(run["parameters"])))
+            for run in content["runs"]
+        )
+    except FileNotFoundError:
+        return study.planned_runs()
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path}: not the plan of a study ({error!r}); remove it and run the study again") from None
 
 
 def study_in(directory: Path) -> Study | None:

@@ -204,3 +204,18 @@ def test_averages_keep_runs_apart() -> None:
     assert table["axial_force_N"].tolist() == [4.0, 5.0]
     assert table["strain_since_start"].tolist() == pytest.approx([0.0, 0.01])
     assert [group.shape for group in histories(pd.DataFrame(rows), "axial_force_N")] == [(2, 2), (2, 1)]
+
+
+def test_results_stay_readable_when_the_same_study_would_get_other_ids(tmp_path: Path) -> None:
+    directory = write_buckling_study(tmp_path / "zigzag", (1, 2))
+    (directory / "study.toml").write_text("seeds = [1, 2]\n")
+    with pytest.raises(InputError, match="no run in it"):
+        analyse(directory)
+    runs = [{"run_id": f"seed{seed}", "parameters": {"seed": seed}} for seed in (1, 2, 3)]
+    (directory / "plan.json").write_text(json.dumps({"runs": runs}))
+    analysis = analyse(directory)
+    assert set(analysis.runs["run"]) == {"seed1", "seed2"}
+    assert list(analysis.left_out) == ["seed3"]
+    (directory / "plan.json").write_text("{}")
+    with pytest.raises(InputError, match="not the plan of a study"):
+        analyse(directory)
