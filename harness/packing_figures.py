@@ -38,7 +38,8 @@ def plot_discs(snapshot: Snapshot, *, ax: Axes, members: BoolArray | None = None
 def plot_forces(snapshot: Snapshot, *, ax: Axes, colour: str = "black", full_width: float = 3.0) -> Axes:
     """Draw every contact's normal force as a line between the centres, as wide as the force is large.
 
-    `full_width` is the width in points of the 99.5th percentile of the forces.
+    `full_width` is the width in points of the 99.5th percentile of the forces, in a packing of 600 discs; it shrinks
+    with the discs of a larger one.
     """
     if snapshot.n_contacts == 0:
         return _frame(snapshot, ax)
@@ -46,6 +47,7 @@ def plot_forces(snapshot: Snapshot, *, ax: Axes, colour: str = "black", full_wid
     end = np.where((second >= 0)[:, None], snapshot.position[np.maximum(second, 0)], snapshot.contact_point)
     lines = 1e3 * np.stack((snapshot.position[first], end), axis=1)
     scale = np.percentile(snapshot.normal_force, 99.5)
+    full_width *= min(1.0, np.sqrt(600 / snapshot.n_particles))
     width = full_width * snapshot.normal_force / scale if scale > 0 else np.zeros(snapshot.n_contacts)
     ax.add_collection(LineCollection(list(lines), linewidths=width, colors=colour, capstyle="round"))
     return _frame(snapshot, ax)
@@ -53,6 +55,8 @@ def plot_forces(snapshot: Snapshot, *, ax: Axes, colour: str = "black", full_wid
 
 def plot_segments(snapshot: Snapshot, segments: IntArray, classes: IntArray, *, ax: Axes) -> Axes:
     """Draw three-particle segments (n_segments, 3) as bent lines with their discs, coloured by class (0: none)."""
+    # Lines of a fixed width would cover the discs of a large packing, and with them the colours.
+    width = min(1.6, 1.6 * np.sqrt(600 / snapshot.n_particles))
     for number, name in CLASS_NAMES.items():
         of_class = segments[classes == number]
         if len(of_class) == 0:
@@ -75,7 +79,7 @@ def plot_segments(snapshot: Snapshot, segments: IntArray, classes: IntArray, *, 
             )
         )
         lines = list(1e3 * snapshot.position[of_class])
-        ax.add_collection(LineCollection(lines, linewidths=1.6, colors="black", capstyle="round"))
+        ax.add_collection(LineCollection(lines, linewidths=width, colors="black", capstyle="round"))
         ax.plot([], [], "o", color=colour, markersize=6, label=f"{name} ({len(of_class)})")
     return _frame(snapshot, ax)
 
