@@ -17,7 +17,7 @@ from harness.errors import RunError
 from harness.run_state import RunState, State, state_of, states_of_study
 from harness.study import BIAXIAL, PACKINGS, PLAN, RUNS, STUDY_COPY, PlannedRun, Study, plan_text
 from harness.yade_environment import Yade
-from yade_scripts import export_format, packing, parameters
+from yade_scripts import checkpoint, export_format, packing, parameters
 
 SCRIPTS = Path(export_format.__file__).resolve().parent
 FAILED = "failed"  # earlier attempts of runs that were tried again, kept with their logs
@@ -203,16 +203,27 @@ def _record_failure(study: Study, folder: Path, run: PlannedRun, reason: str) ->
 
 
 def _clean(directory: Path, run: PlannedRun) -> None:
-    """Make the run's folder anew; an attempt that ended (its manifest is there) is kept under `failed`."""
+    """Make the run's folder anew; an attempt that ended (its manifest is there) is kept under `failed`.
+
+    Where the attempt left a checkpoint the run goes on from it: its files stay, its manifest and log are kept.
+    """
     folder = directory / RUNS / run.run_id
+    going_on = bool(checkpoint.saved_in(folder))
     if (folder / export_format.MANIFEST).exists():
-        kept = directory / FAILED
-        kept.mkdir(exist_ok=True)
+        (directory / FAILED).mkdir(exist_ok=True)
         number = 1
-        while (kept / f"{run.run_id}.{number}").exists():
+        while (kept := directory / FAILED / f"{run.run_id}.{number}").exists():
             number += 1
-        folder.rename(kept / f"{run.run_id}.{number}")
-    elif folder.exists():
+        if not going_on:
+            folder.rename(kept)
+        else:
+            kept.mkdir()
+            for name in (export_format.LOG, export_format.MANIFEST):  # the manifest last: it says the attempt ended
+                with contextlib.suppress(FileNotFoundError):
+                    (folder / name).rename(kept / name)
+    if going_on:
+        return
+    if folder.exists():
         shutil.rmtree(folder)
     folder.mkdir(parents=True)
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from yade_scripts import export_format, parameters, recorder, run_folder
+from yade_scripts import checkpoint, export_format, parameters, recorder, run_folder
 
 try:
     import yade
@@ -59,6 +59,8 @@ def main(
         run(values, folder, packings, options.checkpoint_every)
     except Exception as error:
         traceback.print_exc()
+        if not isinstance(error, OSError):  # what is wrong with the run itself would be wrong again
+            checkpoint.clear(folder)
         manifest = recorder.heading(export_format.STATUS_FAILED, script, values, table, started)
         manifest["failure"] = " ".join(f"{type(error).__name__}: {error}".split())
         run_folder.write_json(folder, export_format.MANIFEST, manifest, durable=True)

@@ -11,6 +11,8 @@ import pytest
 from mechanics import unbalanced
 from yade_run_files import BIAXIAL, SMALL, RunScript, history_of, manifest_of, snapshot_of
 
+from harness import cli
+from harness.study import read_study
 from yade_scripts import export_format
 
 pytestmark = pytest.mark.yade
@@ -46,6 +48,31 @@ def test_a_killed_run_goes_on(
     assert again["stress_ratio"][-1] == pytest.approx(once["stress_ratio"][-1], abs=0.01)
     force, moment = unbalanced(snapshot_of(tmp_path, 30))
     assert max(force, moment) < 0.01
+
+
+def test_a_study_goes_on_where_its_runs_were_killed(
+    rough: Path, killed_at_checkpoint: Callable[..., None], tmp_path: Path
+) -> None:
+    study = tmp_path / "study.toml"
+    asked = "\n".join(f"{name} = {value}" for name, value in SMALL.items() if name != "seed")
+    study.write_text(f"name = 'one'\nseeds = [{SMALL['seed']}]\n[parameters]\n{asked}\n")
+    (run,) = read_study(study).planned_runs()
+    results = tmp_path / "results"
+    folder = results / "runs" / run.run_id
+    folder.mkdir(parents=True)
+    file = folder / export_format.PARAMETERS
+    file.write_text(json.dumps(dict(run.parameters)))
+    killed_at_checkpoint(file)
+    (folder / export_format.LOG).write_text("killed")
+    (folder / export_format.MANIFEST).write_text(
+        json.dumps({"format": 1, "status": "failed", "failure": "was killed", "parameters": {}})
+    )
+    assert cli.main(["run", str(study), "--out", str(results)]) == 0
+    assert len(manifest_of(folder)["continued"]) == 1
+    kept = {path.name for path in (results / "failed" / f"{run.run_id}.1").iterdir()}
+    assert kept == {export_format.LOG, export_format.MANIFEST}
+    ours, whole = manifest_of(folder)["products"], manifest_of(rough)["products"]
+    assert ours["files"].keys() == whole["files"].keys()
 
 
 def test_a_checkpoint_of_another_run_is_not_used(
