@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import keyword
 import os
 import pkgutil
 import sys
@@ -14,7 +15,21 @@ import forcechain
 from harness import commands
 from harness.errors import EXIT_INPUT, HarnessError, Terminated
 
-ORDER = ("doctor", "demo", "run", "status", "analyse", "calibrate", "compare", "check", "approve", "report", "model")
+ORDER = (
+    "doctor",
+    "demo",
+    "run",
+    "status",
+    "analyse",
+    "calibrate",
+    "compare",
+    "check",
+    "approve",
+    "report",
+    "model",
+    "export",
+    "import",
+)
 EXIT_INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 DESCRIPTION = (
     "Do force chains buckle as the theory says? Tests in YADE, buckled segments, the analytic model, compared."
@@ -33,13 +48,14 @@ class Command(Protocol):
 
 def command_names() -> tuple[str, ...]:
     """Return the names of all commands: one for every module there, in the order of use."""
-    there = {module.name for module in pkgutil.iter_modules(commands.__path__)}
+    there = {module.name.rstrip("_") for module in pkgutil.iter_modules(commands.__path__)}
     return (*(name for name in ORDER if name in there), *sorted(there.difference(ORDER)))
 
 
 def load(name: str) -> Command:
     """Import the command module `name`: alone, so that a quick command starts quickly."""
-    return cast(Command, importlib.import_module(f"harness.commands.{name}"))
+    module = f"{name}_" if keyword.iskeyword(name) else name  # a module cannot be called `import`
+    return cast(Command, importlib.import_module(f"harness.commands.{module}"))
 
 
 class _Version(argparse.Action):

@@ -1,0 +1,1 @@
+"""To and from what others read and write: CSV tables, ParaView, LAMMPS and LIGGGHTS, saved states of YADE."""
