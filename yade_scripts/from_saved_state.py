@@ -30,6 +30,8 @@ except ImportError:
 
 NUMBERS = {name: number for number, name in export_format.WALLS.items()}
 DONE, FAILED, BAD_INPUT = 0, 1, 2
+LINEARITY = 1e-3  # of the sum of two radii: how far an overlap may be from force over stiffness (bodies move on a step)
+FLATNESS = 1e-6  # of the largest radius: how far centres may lie from one plane
 
 
 def read_walls(given: Sequence[str]) -> dict[int, int]:
@@ -80,39 +82,70 @@ def distance_between_walls(contacts: export.Table, particles: export.Table) -> f
     return faces[1] - faces[0]
 
 
+def with_overlap(particles: export.Table, contacts: export.Table, state: str) -> export.Table:
+    """Contacts with their overlap, which YADE does not save: normal force over stiffness, as in every linear law.
+
+    Raises ValueError where the centres of two discs tell another overlap: the law is not linear, or damped.
+    """
+    overlap = contacts["fn"] / contacts["kn"]
+    first, second = contacts["id1"], np.maximum(contacts["id2"], 0)
+    radii = particles["radius"][first] + particles["radius"][second]
+    distance = np.hypot(*(particles[axis][second] - particles[axis][first] for axis in ("x", "y")))
+    wrong = (contacts["id2"] >= 0) & ~(np.abs(radii - distance - overlap) <= LINEARITY * radii)
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise ValueError(
+            f"{state}: discs {first[row]} and {second[row]} overlap by {(radii - distance)[row]:g} m, expected "
+            f"{overlap[row]:g} m, normal force over stiffness; only linear contact laws are read"
+        )
+    return {**contacts, "overlap": overlap}
+
+
 def convert(states: Sequence[Path], folder: Path, named: dict[int, int]) -> list[str]:
-    """Write a snapshot a state and their origin; return what was assumed. ValueError for a state that does not fit."""
-    notes, heights, rotation, walls = [], [], None, named
+    """Write a snapshot a state; return what was assumed. ValueError in one line for a state that does not fit."""
+    walls, rotation, first_height, count = named, None, None, 0
     for index, state in enumerate(states):
         yade.O.reset()
-        yade.O.load(str(state))
-        if yade.O.periodic:
-            raise ValueError(f"{state.name}: its cell is periodic; contacts across its boundary are not read")
+        yade.O.load(str(state), quiet=True)
         discs = export.disc_numbers()
-        if not discs:
-            raise ValueError(f"{state.name}: no sphere in it")
+        check_scene(state.name, discs)
+        if index and len(discs) != count:
+            raise ValueError(f"{state.name}: expected {count} spheres as in the first state, found {len(discs)}")
+        count = len(discs)
         walls = named or walls_beside_discs()
-        place = [yade.O.bodies[body].state.pos[2] for body in discs]
-        if np.ptp(place) > 1e-6 * max(yade.O.bodies[body].shape.radius for body in discs):
-            raise ValueError(f"{state.name}: the spheres do not lie in one plane z; only discs are read")
-        everything = {**discs, **walls}
-        particles = export.particle_table(discs, rotation)
-        stray = {i for contact in yade.O.interactions for i in (contact.id1, contact.id2)} - everything.keys()
+        touched = {body for contact in yade.O.interactions for body in (contact.id1, contact.id2)}
+        stray = touched - discs.keys() - walls.keys()
         if stray:
             raise ValueError(f"{state.name}: body {min(stray)} touches a disc and is no known wall; name it by --wall")
-        height = distance_between_walls(export.contact_table(everything), particles)
-        heights.append(height)
-        strain = 0.0
-        if index:
-            if height is None or heights[0] is None:
-                raise ValueError(f"{state.name}: the axial strain is unknown: bottom or top wall without a contact")
-            strain = 1 - height / heights[0]
-        particles, _, _ = export.write_snapshot(folder, index, strain, walls, rotation)
+        particles, contacts = export.tables(walls, rotation)
         rotation = particles["rotation"]
-    notes.append("axial strain: decrease of the distance between bottom and top wall since the first state")
+        contacts = with_overlap(particles, contacts, state.name)
+        height = distance_between_walls(contacts, particles)
+        strain = 0.0
+        if index == 0:
+            first_height = height
+        elif height is None or first_height is None:
+            raise ValueError(f"{state.name}: the axial strain is unknown: bottom or top wall without a contact")
+        else:
+            strain = 1 - height / first_height
+        export.write_tables(folder, index, strain, particles, contacts)
     found = ", ".join(f"body {body} {export_format.WALLS[wall]}" for body, wall in sorted(walls.items())) or "none"
-    notes.append(f"walls: {found}")
-    return notes
+    return [
+        "axial strain: decrease of the distance between bottom and top wall since the first state",
+        f"walls: {found}",
+        "overlaps: normal force over normal stiffness; YADE does not save them",
+    ]
+
+
+def check_scene(state: str, discs: dict[int, int]) -> None:
+    """Raise ValueError unless the loaded scene is a sample in one plane without a periodic cell."""
+    if yade.O.periodic:
+        raise ValueError(f"{state}: its cell is periodic; contacts across its boundary are not read")
+    if not discs:
+        raise ValueError(f"{state}: no sphere in it")
+    bodies = [yade.O.bodies[number] for number in discs]
+    if np.ptp([body.state.pos[2] for body in bodies]) > FLATNESS * max(body.shape.radius for body in bodies):
+        raise ValueError(f"{state}: the spheres do not lie in one plane z; only discs are read")
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -127,6 +160,9 @@ def main(arguments: Sequence[str]) -> int:
         return BAD_INPUT
     try:
         notes = convert(options.states, options.folder, read_walls(options.wall))
+    except AttributeError as error:  # contacts of another kind than export.py reads
+        print(f"contacts or bodies of a kind that is not read: {error}", file=sys.stderr)
+        return FAILED
     except (ValueError, RuntimeError, OSError) as error:
         print(" ".join(str(error).split()), file=sys.stderr)
         return FAILED

@@ -116,6 +116,6 @@ def heading(
         "format": export_format.FORMAT,
         "status": status,
         "script": script.name,
-        "parameters": {name: {"value": value, "unit": units[name]} for name, value in values.items()},
-        "provenance": run_folder.provenance(yade.config.version, values["seed"], started),
+        "parameters": {name: {"value": value, "unit": units.get(name, "")} for name, value in values.items()},
+        "provenance": run_folder.provenance(yade.config.version, values.get("seed"), started),
     }

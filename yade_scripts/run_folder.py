@@ -84,7 +84,7 @@ def package_version() -> str:
     return found[1] if found else "unknown"
 
 
-def provenance(yade_version: str, seed: int, started: str) -> dict[str, Any]:
+def provenance(yade_version: str, seed: int | None, started: str) -> dict[str, Any]:
     """Say what made a run, where and when."""
     return {
         "yade_version": yade_version,

@@ -15,7 +15,7 @@ from yade_run_files import BIAXIAL, SMALL, RunScript
 from harness.yade_environment import Yade, find_yade
 from yade_scripts import export_format
 
-collect_ignore = ["stress_probe.py"]  # for YADE's Python, not for this one
+collect_ignore = ["stress_probe.py", "save_states.py"]  # for YADE's Python, not for this one
 
 
 @pytest.fixture(scope="session")
