@@ -33,7 +33,8 @@ for index, ending in enumerate(("xml", "yade.bz2", "yade")):
     rotation = particles["rotation"]
     (out / "states").mkdir(exist_ok=True)
     yade.O.save(str(out / "states" / f"state{index}.{ending}"), quiet=True)
-yade.O.bodies.append(yade.utils.box((start.positions[0][0], start.positions[0][1], 0), (1e-4, 1e-4, 1e-4), fixed=True))
+middle = start.positions[((start.positions - start.positions.mean(axis=0)) ** 2).sum(axis=1).argmin()]
+yade.O.bodies.append(yade.utils.box((middle[0], middle[1], 0), (1e-4, 1e-4, 1e-4), fixed=True))
 packing.step(1)
 yade.O.save(str(out / "with-a-stray-body.xml"), quiet=True)
 print(

@@ -35,12 +35,14 @@ def line(capsys: pytest.CaptureFixture[str]) -> str:
 
 
 def differences(one: Snapshot, other: Snapshot, tolerance: float) -> list[str]:
-    names = [item.name for item in fields(Snapshot) if item.name != "axial_strain"]
-    return [
-        name
-        for name in names
-        if not np.allclose(getattr(one, name), getattr(other, name), rtol=tolerance, atol=tolerance * 1e-6)
-    ]
+    found = []
+    for item in fields(Snapshot):
+        if item.name == "axial_strain":
+            continue
+        a, b = np.asarray(getattr(one, item.name)), np.asarray(getattr(other, item.name))
+        if a.shape != b.shape or not np.allclose(a, b, rtol=tolerance, atol=tolerance * 1e-6):
+            found.append(item.name)
+    return found
 
 
 def test_saved_states_give_what_the_export_gave(saved: tuple[Path, list[str]], tmp_path: Path) -> None:
@@ -72,9 +74,7 @@ def test_one_state_and_named_walls(saved: tuple[Path, list[str]], tmp_path: Path
     assert cli.main(["import", source, "--from", "yade", "--out", str(tmp_path / "new"), *named]) == 0
     run = read_run(tmp_path / "new")
     assert run.axial_strain.tolist() == [0.0]
-    assert differences(run.snapshot(0), read_run(out).snapshot(1), 1e-12) == ["rotation"] or not differences(
-        run.snapshot(0), read_run(out).snapshot(1), 1e-12
-    )
+    assert differences(run.snapshot(0), read_run(out).snapshot(1), 1e-12) == []
 
 
 def test_what_does_not_load_is_said_in_one_line(
