@@ -88,7 +88,8 @@ def as_path(walk: Walk, perfect: bool, ending: Ending) -> ColumnPath:
     begin = (column.N - 1) * phi[0] ** 2 / 2 if perfect else 0.0  # stage 1a
 
     def added(force: FloatArray, motion: FloatArray) -> FloatArray:
-        steps = ((force[1:] + force[:-1]) / 2 * np.diff(motion, axis=0)).reshape(len(phi) - 1, -1).sum(axis=1)
+        steps = (force[1:] + force[:-1]) / 2 * np.diff(motion, axis=0)
+        steps = steps if steps.ndim == 1 else steps.sum(axis=1)
         return np.concatenate(([0.0], np.cumsum(steps)))
 
     unloading = np.array([point[5] for point in walk.points])

@@ -176,21 +176,28 @@ def _elastic(walk: Walk) -> Response:
     return column.respond(walk.y, walk.phi, np.diff(walk.y[0::2]), walk.y[1::2])
 
 
-def _walk_on(walk: Walk, largest_angle: float, largest_step: float, *, unloading: bool) -> Ending:
-    """Continue the path until the largest angle, or while unloading until the force vanishes."""
+def _first_tangent(walk: Walk, unloading: bool) -> tuple[FloatArray, float]:
+    """Tangent along which a leg begins; LinAlgError for a column that nothing supports."""
     column = walk.column
     if unloading:
         tangent_y, tangent_phi = _tangent(_elastic(walk), None)
         ahead = column.shortening(walk.y + 1e-6 * tangent_y, walk.phi + 1e-6 * tangent_phi)
         sign = -1.0 if ahead > column.shortening(walk.y, walk.phi) else 1.0
-        tangent_y, tangent_phi = sign * tangent_y, sign * tangent_phi
-    elif walk.points:
-        norm = math.sqrt(float(walk.y @ walk.y))
-        tangent_y, tangent_phi = walk.y / norm, 0.0
-    else:
-        begin = column.respond(walk.y, walk.phi, walk.plastic_rotation, walk.plastic_lateral)
-        walk.points.append((walk.y, walk.phi, walk.plastic_rotation, walk.plastic_lateral, begin, False))
-        tangent_y, tangent_phi = _tangent(begin, None)
+        return sign * tangent_y, sign * tangent_phi
+    if walk.points:
+        return walk.y / math.sqrt(float(walk.y @ walk.y)), 0.0
+    begin = column.respond(walk.y, walk.phi, walk.plastic_rotation, walk.plastic_lateral)
+    walk.points.append((walk.y, walk.phi, walk.plastic_rotation, walk.plastic_lateral, begin, False))
+    return _tangent(begin, None)
+
+
+def _walk_on(walk: Walk, largest_angle: float, largest_step: float, *, unloading: bool) -> Ending:
+    """Continue the path until the largest angle, or while unloading until the force vanishes."""
+    column = walk.column
+    try:
+        tangent_y, tangent_phi = _first_tangent(walk, unloading)
+    except LinAlgError:  # nothing supports the column
+        return Ending.DEAD_END
     step = min(FIRST_STEP, largest_step)
     start_phi = walk.phi
     while len(walk.points) < MOST_POINTS:

@@ -18,7 +18,8 @@ from forcechain.arrays import FloatArray
 from forcechain.theory.arcs import STRAIGHT_ANGLE, Arc, Chain, Point
 
 SCAN = 240  # samples of an arc in which events are looked for
-ON_LIMIT = 1e-11  # of kn: a moment this near its limit is on it
+ON_LIMIT = 1e-9  # a moment within this part of its limit is on it
+ROUNDING = 1e-15  # of kn, in a moment over R^2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +62,7 @@ def next_arc(chain: Chain, position: Position, target: float, sense: int, leg: i
         return replace(elastic, moment_sense=1)
     limit = chain.mu_r * chain.kn * position.d
     e = 1 if position.m > 0 else -1
-    if abs(position.m) < limit - ON_LIMIT * chain.kn:
+    if abs(position.m) < limit * (1 - ON_LIMIT) - ROUNDING * chain.kn:
         return elastic
     here = elastic.at(position.t)
     outward = e * 2 * chain.K * math.cos(position.t) - chain.mu_r * chain.kn * float(elastic.overlap_slope(here))

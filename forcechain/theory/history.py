@@ -67,9 +67,10 @@ class History:
 
     @property
     def energy_error(self) -> float:
-        """Largest |work - stored - dissipated| over the largest work: how well (18) closes."""
+        """Largest |work - stored - dissipated| over the largest work: how well (18) closes; 0 without any work."""
         gap = self.work - self.stored - self.moment_dissipation - self.lateral_dissipation
-        return float(np.abs(gap).max() / np.abs(self.work).max())
+        scale = float(np.abs(self.work).max())
+        return float(np.abs(gap).max()) / scale if scale > 0 else 0.0
 
 
 def follow(

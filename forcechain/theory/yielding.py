@@ -74,7 +74,9 @@ def moment_excess(angle: Number, parameters: ChainParameters) -> Number:
         ratio = np.where(sine > 0, growth / sine, 1.0)
         demand = 2 * cosine * cosine * (2 * K + secant)
         u = demand * ratio / parameters.normal_stiffness
-        excess: FloatArray = 2 * K * sine - parameters.rolling_friction * demand / (1 + np.sqrt(1 - u))
+        # u exceeds 1 by no more than rounding, but for chains too stiff to buckle, which have no yield angles.
+        root = np.sqrt(np.maximum(1 - u, 0.0))
+        excess: FloatArray = 2 * K * sine - parameters.rolling_friction * demand / (1 + root)
         return excess
 
 
@@ -103,7 +105,8 @@ def yield_angles(parameters: ChainParameters) -> YieldAngles:
 
     moment = np.full(start.shape, np.inf)
     rolls = np.asarray(whole.rolling_stiffness) > 0
-    at_once = rolls & (np.asarray(moment_excess(start, whole)) >= 0)
+    slack = np.asarray(whole.rolling_friction) == 0
+    at_once = rolls & (slack | (np.asarray(moment_excess(start, whole)) >= 0))
     moment[at_once] = start[at_once]
     search = rolls & ~at_once & ~stiff
     if search.any():

@@ -287,3 +287,10 @@ def test_inadmissible_columns(n, options, message):
 def test_a_column_too_stiff_to_buckle():
     with pytest.raises(ValueError, match="no buckling"):
         follow_column(TABLE_3.with_ratios(lateral_stiffness=0.6), 3)
+
+
+def test_a_column_that_nothing_supports_has_no_path():
+    bare = TABLE_3.with_ratios(rolling_stiffness=0, lateral_stiffness=0, imperfection_deg=3)
+    path = follow_column(bare, 4, largest_angle=0.5)
+    assert path.ending == Ending.DEAD_END
+    assert (path.axial_force == 0).all()
