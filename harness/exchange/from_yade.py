@@ -63,8 +63,11 @@ def import_states(source: Path, folder: Path, walls: Sequence[str] = ()) -> int:
             raise InputError(
                 f"{source}: {lines[-1]} (a state loads only in the version of YADE that saved it; here {yade.version})"
             )
-        run = read_run(making)  # what was written is read as any run: nothing inadmissible gets past
-        rows = [row for snapshot in run.snapshots() for row in history_rows(snapshot)]
+        try:  # what was written is read as any run: nothing inadmissible gets past
+            run = read_run(making)
+            rows = [row for snapshot in run.snapshots() for row in history_rows(snapshot)]
+        except InputError as error:
+            raise InputError(str(error).replace(making.name, source.name)) from None
         if rows:
             write_history(making, pd.DataFrame(rows))
         write_origin(making, {"source": [state.name for state in states], "source_format": "yade"} | told)

@@ -40,7 +40,8 @@ def status_raises(monkeypatch: pytest.MonkeyPatch) -> Callable[[BaseException], 
 
 
 def test_the_commands_are_there() -> None:
-    assert {"doctor", "demo", "run", "status", "analyse", "compare", "report", "model", "export", "import"} <= set(COMMANDS)
+    expected = {"doctor", "demo", "run", "status", "analyse", "compare", "report", "model", "export", "import"}
+    assert expected <= set(COMMANDS)
 
 
 @pytest.mark.parametrize("name", COMMANDS)
