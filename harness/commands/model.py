@@ -16,6 +16,7 @@ from forcechain.theory.column_path import ColumnPath
 from forcechain.theory.continuation import follow_column
 from forcechain.theory.history import Ending, follow, unloading
 from forcechain.theory.parameters import TABLE_3_RATIOS, ChainParameters
+from forcechain.theory.response import displacement_controlled
 from forcechain.theory.states import ChainState, Status
 from forcechain.theory.three_particle import loading, straight
 from forcechain.theory.yielding import critical_displacement, yield_angles
@@ -45,6 +46,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "normal_stiffness; the rest is Table 3",
     )
     parser.add_argument("--angles", metavar="A,B,...", help="buckling angles in degrees (default: a grid, all stages)")
+    parser.add_argument(
+        "--displacements",
+        metavar="A,B,...",
+        help="prescribed axial displacements over R instead of angles: past a snapdown, the branch it arrives on",
+    )
     parser.add_argument(
         "--unload-from",
         metavar="A",
@@ -88,6 +94,10 @@ def check_combination(args: argparse.Namespace) -> None:
     wrong = [
         (args.particles is not None and args.angles is not None, "--angles: only for three particles, not --particles"),
         (args.particles is not None and args.sweep is not None, "--sweep: only for three particles, not --particles"),
+        (args.displacements is not None and args.angles is not None, "--displacements: not with --angles"),
+        (args.displacements is not None and args.unload_from is not None, "--displacements: not with --unload-from"),
+        (args.displacements is not None and args.particles is not None, "--displacements: only for three particles"),
+        (args.displacements is not None and args.plot is not None, "--displacements: a plot has its own grid"),
         (args.particles is None and args.mode is not None, "--mode: only with --particles"),
         (args.hold_sliders and args.unload_from is None, "--hold-sliders: only with --unload-from"),
         (args.hold_sliders and args.particles is not None, "--hold-sliders: only for three particles"),
@@ -104,6 +114,7 @@ def check_combination(args: argparse.Namespace) -> None:
 def write_curves(args: argparse.Namespace, given: dict[str, float]) -> None:
     """Print the curves of three particles."""
     angles_deg = None if args.angles is None else parse_numbers("--angles", args.angles)
+    displacements = None if args.displacements is None else parse_numbers("--displacements", args.displacements)
     unload_deg = None if args.unload_from is None else parse_numbers("--unload-from", args.unload_from, most=1)[0]
     sliders = "held" if args.hold_sliders else "free"
     name, values = parse_sweep(args.sweep) if args.sweep else (None, [None])
@@ -112,7 +123,10 @@ def write_curves(args: argparse.Namespace, given: dict[str, float]) -> None:
     curves = []
     for value in values:
         parameters = chain_parameters(given if name is None else {**given, name: value})
-        states = guarded(partial(curve, parameters, angles_deg, unload_deg, sliders))
+        if displacements is None:
+            states = guarded(partial(curve, parameters, angles_deg, unload_deg, sliders))
+        else:
+            states = [checked(guarded(partial(displacement_controlled, parameters, displacements)))]
         curves.append((value, parameters, states))
     if args.json:
         print_json([as_record(name, *entry) for entry in curves])

@@ -73,6 +73,16 @@ def test_unloading(capsys):
     assert "the path ends before this angle" in err
 
 
+def test_prescribed_displacements_skip_what_snaps(capsys):
+    arguments = ("--set", "rolling_friction=0.02", "--displacements", "0.1,0.1904,0.1906")
+    status, out, err = run(capsys, *arguments)
+    rows = table(out)
+    assert (status, err) == (0, "")
+    assert [row["stage"] for row in rows] == ["1a", "1b", "2'"]
+    assert float(rows[2]["axial_force_N"]) < 0.8 * float(rows[1]["axial_force_N"])
+    assert [float(row["axial_displacement_over_R"]) for row in rows] == pytest.approx([0.1, 0.1904, 0.1906], abs=1e-12)
+
+
 def test_sweep_adds_its_name_as_a_column(capsys):
     _, out, _ = run(capsys, "--sweep", "rolling_friction=0.02,0.2", "--angles", "5,25")
     rows = table(out)
@@ -134,6 +144,9 @@ def test_column_of_many_particles(capsys):
         (["--particles", "5", "--mode", "9"], "mode: expected"),
         (["--particles", "5", "--mode", "0"], "--mode: expected 1 or more"),
         (["--particles", "5", "--angles", "3"], "only for three particles"),
+        (["--displacements", "0.1", "--angles", "3"], "--displacements: not with --angles"),
+        (["--displacements", "-0.1"], "expected finite numbers of at least 0, found -0.1"),
+        (["--displacements", "4"], "below 90 degrees"),
         (["--mode", "2"], "only with --particles"),
         (["--hold-sliders"], "only with --unload-from"),
         (["--figure", "modes"], "only with --plot"),
