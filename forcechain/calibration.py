@@ -171,7 +171,7 @@ def _search(fit: ColumnFit, data: Means) -> FloatArray:
         return np.asarray(fit.residuals(data, coordinates[None, :])[0])
 
     # A second method of another kind has the last word on the deepest; it stops just inside of an edge.
-    polished = least_squares(one, np.clip(minima[0], INSIDE, 1 - INSIDE), bounds=(0.0, 1.0), xtol=1e-10)
+    polished = least_squares(one, np.clip(minima[0], INSIDE, 1 - INSIDE), bounds=(0.0, 1.0), xtol=1e-10, max_nfev=30)
     if 2 * polished.cost < least[0]:
         minima[0], least[0] = polished.x, 2 * polished.cost
     rivals = least <= RIVAL_FACTOR * least[0] + RIVAL_RISE

@@ -54,11 +54,17 @@ def segment_histories(segments: pd.DataFrame) -> list[SegmentHistories]:
 
 
 def calibrate_study(
-    analysis: Analysis, reference: Mapping[str, float], *, columns: tuple[Column, ...] = tuple(Column)
+    analysis: Analysis,
+    reference: Mapping[str, float],
+    *,
+    columns: tuple[Column, ...] = tuple(Column),
+    samples: int = 400,
+    profile_points: int = 41,
 ) -> tuple[dict[str, dict[Column, Calibration]], dict[str, str]]:
     """Calibrate every case of a study; return the calibrations, and case -> why for those that have none.
 
-    `reference` has the ratios the fit is compared with, where the study gives them; else they are the paper's. Raises
+    `reference` has the ratios the fit is compared with, where the study gives them; else they are the paper's;
+    `samples` and `profile_points` as in `calibrate`. Raises
     InputError for segments that cannot be used.
     """
     found: dict[str, dict[Column, Calibration]] = {}
@@ -73,7 +79,10 @@ def calibrate_study(
         given = model_parameters(facts, reference)
         try:
             runs = segment_histories(segments)
-            found[case] = {column: calibrate(runs, given, column=column) for column in columns}
+            found[case] = {
+                column: calibrate(runs, given, column=column, samples=samples, profile_points=profile_points)
+                for column in columns
+            }
         except ValueError as error:
             raise InputError(f"case {case}: cannot be calibrated: {error}") from None
     return found, without
