@@ -202,10 +202,19 @@ def _index_of_manifest(folder: Path, manifest: Mapping[str, Any], where: str) ->
     where = f"{where}: {export_format.MANIFEST}"
     rows = manifest["products"]["snapshots"]
     for number, row in enumerate(rows):
-        if not isinstance(row, dict) or not {"index", "axial_strain"} <= row.keys():
+        if not isinstance(row, dict) or any(
+            type(row.get(name)) not in (int, float) for name in ("index", "axial_strain")
+        ):
             raise InputError(f"{where}: products.snapshots, entry {number}: expected an index and an axial_strain")
     columns = {name: np.array([row[name] for row in rows]) for name in ("index", "axial_strain")}
     index = tables.checked(columns, SNAPSHOT_INDEX_COLUMNS[:2], "products.snapshots", where)
+    listed = {export_format.snapshot_name(int(number)) for number in index["index"]}
+    vouched = {Path(name).name for name in manifest["products"]["files"] if name.endswith(snapshot_files.NPZ)}
+    unlisted = sorted(vouched - {stem + snapshot_files.NPZ for stem in listed})
+    if unlisted:
+        raise InputError(
+            f"{where}: products.snapshots: expected an entry for {unlisted[0]}, one of its files, found none"
+        )
     return index | dict.fromkeys(("time", "iteration"), np.zeros(len(rows)))  # each npz has its own
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,16 +13,27 @@ from harness.errors import InputError
 from yade_scripts import export_format
 
 
+def _no_number(text: str) -> float:
+    raise ValueError(f"{text} is no number")
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    return value if math.isfinite(value) else _no_number(text)
+
+
 def read_json(path: Path, where: str) -> dict[str, Any]:
     """Return the object in the JSON file `path`; InputError in one line when it is none."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_number, parse_float=_finite)
     except FileNotFoundError:
         raise InputError(f"{where}: no such file: {path}") from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{where}: {path.name} cannot be read: {error}") from None
     except ValueError as error:
         raise InputError(f"{where}: {path.name} is not JSON ({error}); it was cut short or edited") from None
+    except RecursionError:
+        raise InputError(f"{where}: {path.name} is not JSON of ours: it is nested too deeply") from None
     if not isinstance(content, dict):
         raise InputError(f"{where}: {path.name}: expected a JSON object, found {type(content).__name__}")
     return content

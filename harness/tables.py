@@ -20,6 +20,7 @@ from harness.errors import InputError
 from yade_scripts.export_format import Column
 
 Table = dict[str, NDArray[Any]]
+LARGEST_ARCHIVE = 16 * 2**30  # bytes unpacked: forty times a million discs; more comes of a damaged or hostile file
 
 
 def read_bytes(path: Path, where: str) -> bytes:
@@ -69,8 +70,18 @@ def _numbers_or_words(column: Sequence[str]) -> NDArray[Any]:
 def read_npz(content: bytes, where: str) -> Table:
     """Return the arrays of an npz archive; nothing is unpickled. InputError for a broken or foreign file."""
     try:
+        with zipfile.ZipFile(io.BytesIO(content)) as packed:
+            size = sum(member.file_size for member in packed.infolist())
+        if size > LARGEST_ARCHIVE:
+            raise InputError(
+                f"{where}: expected at most {LARGEST_ARCHIVE} bytes of numbers, found an archive that unpacks to {size}"
+            )
         with np.load(io.BytesIO(content), allow_pickle=False) as archive:
             return {name: archive[name] for name in archive.files}
+    except MemoryError:
+        raise InputError(
+            f"{where}: it claims more numbers than memory holds ({len(content)} bytes on disk); export it anew"
+        ) from None
     except (zipfile.BadZipFile, EOFError, zlib.error, KeyError, OSError):
         raise InputError(
             f"{where}: expected an npz archive, found a broken one ({len(content)} bytes); "
