@@ -35,7 +35,7 @@ class Ending(IntEnum):
 
     REACHED = 0  # the last turning angle
     SEPARATED = 1  # no axial force left
-    STRAIGHT = 2  # unloaded to a straight column
+    STRAIGHT = 2  # unloaded to a straight column, which unloads further as it was loaded (stage 1a)
     DEAD_END = 3  # no equilibrium follows: each choice of slip and hold contradicts itself, the chain snaps dynamically
     OVERLAPPED = 4  # the contacts overlap by a radius
 
@@ -252,13 +252,20 @@ def unloading(
             in angle: Status.SEPARATED. `follow` has the path beyond such a turn.
         sliders: as in `follow`.
 
-    Raises ValueError as `follow` does, and for an angle above `from_angle`.
+    Raises ValueError as `follow` does, for an angle above `from_angle`, and for a `from_angle` that the path of
+    equilibrium does not reach.
     """
     t = np.atleast_1d(checked_angles(angle)).ravel()
     if (t > from_angle).any():
         raise ValueError(f"angle: expected at most the angle of unloading, {from_angle:g} rad, found {t.max():g}")
     path = follow(parameters, [from_angle, 0.0], points=2, sliders=sliders)
     arcs = [arc for arc in path.arcs if arc.leg == 1]
+    if not arcs:
+        last = float(path.state.angle[-1])
+        raise ValueError(
+            f"unloading: expected a start that loading reaches, found {from_angle:g} rad; "
+            f"the path ends at {last:g} rad ({path.ending.name})"
+        )
     turns = [arc.direction > 0 for arc in arcs]
     arcs = arcs[: turns.index(True)] if any(turns) else arcs
     result: dict[str, NDArray[np.generic]] = {}

@@ -171,14 +171,25 @@ def curve(
         if math.isnan(critical):
             raise InputError(f"model: {Status.TOO_STIFF.meaning}")
         states.append(straight(parameters, np.linspace(0, critical, STRAIGHT_POINTS)[:-1]))
-    largest = LARGEST_ANGLE_DEG if unload_deg is None else unload_deg
-    if unload_deg is None and np.degrees(float(parameters.imperfection)) >= largest:
-        largest = (np.degrees(float(parameters.imperfection)) + 90) / 2
+    largest = unload_deg
+    if largest is None:
+        first = np.degrees(float(parameters.imperfection))
+        largest = LARGEST_ANGLE_DEG if first < LARGEST_ANGLE_DEG else (first + 90) / 2
+    back = [] if unload_deg is None else unloading_leg(parameters, unload_deg, sliders)
     states.append(checked(loading(parameters, default_angles(parameters, largest))))
-    if unload_deg is not None:
-        path = follow(parameters, [math.radians(unload_deg), 0.0], sliders=sliders)
-        chosen = path.leg == 1
-        states.append(ChainState(**{n: getattr(path.state, n)[chosen] for n in ChainState.__dataclass_fields__}))
+    return states + back
+
+
+def unloading_leg(parameters: ChainParameters, unload_deg: float, sliders: Any) -> list[ChainState]:
+    """States from the angle of unloading to zero force."""
+    path = follow(parameters, [math.radians(unload_deg), 0.0], sliders=sliders)
+    chosen = path.leg == 1
+    if not chosen.any():
+        last = np.degrees(path.state.angle[-1])
+        raise InputError(f"--unload-from {unload_deg:g}: loading ends at {last:g} deg ({path.ending.name})")
+    states = [ChainState(**{n: getattr(path.state, n)[chosen] for n in ChainState.__dataclass_fields__})]
+    if path.ending == Ending.STRAIGHT:  # from there the column unloads as it was loaded
+        states.append(straight(parameters, np.linspace(float(critical_displacement(parameters)), 0, STRAIGHT_POINTS)))
     return states
 
 

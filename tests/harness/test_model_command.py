@@ -63,6 +63,11 @@ def test_unloading(capsys):
     rows = table(out)
     assert list(dict.fromkeys(row["stage"] for row in rows)) == ["1a", "1b", "2", "3", "4", "4'"]
     assert float(rows[-1]["axial_force_N"]) == pytest.approx(0, abs=1e-9)
+    _, out, _ = run(capsys, "--unload-from", "8")
+    rows = table(out)
+    assert list(dict.fromkeys(row["stage"] for row in rows)) == ["1a", "1b", "4"]
+    assert rows[-1]["stage"] == "1a"
+    assert float(rows[-1]["axial_force_N"]) == 0
     _, out, _ = run(capsys, "--unload-from", "25", "--angles", "24,20")
     assert [row["stage"] for row in table(out)] == ["4", "4"]
     assert float(table(out)[1]["axial_force_N"]) == pytest.approx(4.2998893, abs=1e-6)
@@ -136,6 +141,7 @@ def test_column_of_many_particles(capsys):
         (["--set", "imperfection_deg=5", "--angles", "3"], "below that of the unloaded column"),
         (["--unload-from", "95"], "--unload-from: expected an angle above"),
         (["--unload-from", "20", "--angles", "21"], "at most the angle of unloading, 20 deg, found 21"),
+        (["--unload-from", "30", "--set", "lateral_strength=1e-5"], "loading ends at"),
         (["--sweep", "rolling_friction"], "expected NAME=A,B"),
         (["--sweep", "rolling_friction=0.1", "--set", "rolling_friction=1"], "--set does not fix"),
         (["--sweep", "rolling_friction=0.1", "--unload-from", "20"], "not with --sweep"),

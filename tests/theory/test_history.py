@@ -211,3 +211,8 @@ def test_a_chain_too_stiff_to_buckle_has_no_path():
 def test_unloading_above_its_start():
     with pytest.raises(ValueError, match="at most the angle of unloading"):
         unloading(TABLE_3, 0.3, 0.4)
+
+
+def test_unloading_from_where_loading_does_not_lead():
+    with pytest.raises(ValueError, match="a start that loading reaches"):
+        unloading(TABLE_3.with_ratios(lateral_strength=1e-5), 0.5, 0.3)
