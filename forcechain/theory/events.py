@@ -24,7 +24,7 @@ ROUNDING = 1e-15  # of kn, in a moment over R^2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Position:
-    """Where a chain is: angle, plastic displacements, overlap, m and s [N/m]; whether the path just turned."""
+    """Where a chain is: angle, plastic displacements, overlap, m and s [N/m]; whether the path just turned in angle."""
 
     t: float
     wp: float
@@ -33,6 +33,7 @@ class Position:
     m: float
     s: float
     turned: bool = False
+    larger_root: bool = False  # of (26), on the arc that led here
 
 
 def next_arc(chain: Chain, position: Position, target: float, sense: int, leg: int, held: bool) -> Arc | None:
@@ -93,7 +94,7 @@ def _plastic_arc(
     gap = (1 - position.d) * math.sin(position.t) - e * chain.mu_r * math.cos(position.t) ** 2
     larger = gap < 0
     if position.turned:
-        larger = direction < 0  # smaller root for the way back up, larger on the way down
+        larger = not position.larger_root
         lateral = 0
     arc = Arc(
         chain=chain,

@@ -146,6 +146,7 @@ def _follow_leg(
             m=float(end.m),
             s=float(end.s),
             turned=event == "turn",
+            larger_root=arc.larger_root,
         )
         if abs(arc.end - arc.start) < SHORTEST_ARC and arcs and abs(arcs[-1].end - arcs[-1].start) < SHORTEST_ARC:
             return Ending.DEAD_END, position  # slip and hold in turn without getting anywhere

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 from scipy.linalg import cholesky_banded, eig_banded
@@ -265,6 +267,14 @@ def test_imperfection_in_given_angles():
     assert path.axial_force[0] == 0
     assert path.axial_force.max() < buckling_modes(TABLE_3, 5).critical_force[0]
     check_column(path, TABLE_3, angles)
+
+
+def test_cost_of_a_long_path():
+    """Far within the targets of benchmarks/bench_theory.py, in processor time."""
+    follow_column(TABLE_3, 5)
+    start = time.process_time()
+    follow_column(TABLE_3, 50, unload=True)
+    assert time.process_time() - start < 2
 
 
 @pytest.mark.parametrize(
