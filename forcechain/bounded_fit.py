@@ -77,7 +77,7 @@ def fit_many(residuals: Residuals, start: FloatArray, *, tolerance: float = 1e-7
         x = np.where(better[:, None], trial, x)
         r = np.where(better[:, None], r_trial, r)
         total = np.where(better, total_trial, total)
-        damping = np.where(better, damping / 5, damping * 4)
+        damping = np.where(better, damping / 10, damping * 10)
         damping = np.where(damping < LEAST_DAMPING, LEAST_DAMPING, damping)
         active &= (moved > tolerance) & (damping < MOST_DAMPING)
         if not active.any():

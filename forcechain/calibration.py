@@ -185,7 +185,7 @@ def _fitted_sets(fit: ColumnFit, sets: Means, starts: FloatArray) -> FloatArray:
     least = np.full(n_sets, np.inf)
     for start in starts:
         every = np.repeat(start[None, :], n_sets, axis=0)
-        fitted = fit_many(partial(fit.residuals, sets), every, tolerance=1e-5, iterations=30)
+        fitted = fit_many(partial(fit.residuals, sets), every, tolerance=1e-4, iterations=30)
         better = fitted.sum_of_squares < least
         best = np.where(better[:, None], fitted.coordinates, best)
         least = np.where(better, fitted.sum_of_squares, least)
