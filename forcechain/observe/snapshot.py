@@ -12,6 +12,7 @@ from forcechain.arrays import FloatArray, IntArray, float_array, freeze, int_arr
 _Array = TypeVar("_Array", FloatArray, IntArray)
 
 LOWEST_WALL = -5
+LARGEST, SMALLEST = 1e50, 1e-50  # SI: beyond these, products such as energies leave the range of a float
 NORMAL_TOLERANCE = 1e-6  # a unit normal written with 7 digits still passes
 
 
@@ -45,8 +46,8 @@ class Snapshot:
 
     Raises:
         ValueError: an array of the wrong shape or kind, a number that is not finite, a contact with a particle that
-            does not exist, a normal that is not of unit length, a radius or stiffness that is not positive. One line
-            with table, row, expected and found.
+            does not exist, a normal that is not of unit length, a radius or stiffness that is not positive, a
+            magnitude beyond 1e50, or a radius or stiffness below 1e-50. One line with table, row, expected and found.
     """
 
     axial_strain: float
@@ -80,6 +81,7 @@ class Snapshot:
         shapes |= dict.fromkeys(CONTACT_SCALARS, (n_contacts,))
         for name, shape in shapes.items():
             object.__setattr__(self, name, _own(float_array(getattr(self, name), name, shape)))
+            self._check_magnitude(name)
         ids = int_array(self.contact_ids, "contact_ids", (n_contacts, 2))
         object.__setattr__(self, "contact_ids", _own(ids))
         for name in ("axial_strain", "time"):
@@ -89,6 +91,14 @@ class Snapshot:
             object.__setattr__(self, name, value)
         self._check_ids(n_particles)
         self._check_values()
+
+    def _check_magnitude(self, name: str) -> None:
+        values: FloatArray = getattr(self, name)
+        if values.size and max(values.max(), -values.min()) > LARGEST:
+            row = tuple(int(i) for i in np.argwhere(np.abs(values) > LARGEST)[0])
+            raise ValueError(
+                f"{name}, row {row[0]}: expected a magnitude of at most {LARGEST:g}, found {values[row]:g}"
+            )
 
     def _check_ids(self, n_particles: int) -> None:
         for side, lowest in ((0, 0), (1, LOWEST_WALL)):
@@ -113,14 +123,17 @@ class Snapshot:
     def _check_values(self) -> None:
         for name, row_of in (("radius", "particles"), ("normal_stiffness", "contacts")):
             values = getattr(self, name)
-            if (values <= 0).any():
-                row = int(np.argmax(values <= 0))
-                raise ValueError(f"{row_of} row {row}: expected a positive {name}, found {values[row]:g}")
+            if (values < SMALLEST).any():
+                row = int(np.argmax(values < SMALLEST))
+                kind = "positive" if values[row] <= 0 else f"greater ({SMALLEST:g})"
+                raise ValueError(f"{row_of} row {row}: expected a {kind} {name}, found {values[row]:g}")
         for name in ("tangential_stiffness", "rolling_stiffness", "friction", "rolling_limit"):
             values = getattr(self, name)
-            if (values < 0).any():
-                row = int(np.argmax(values < 0))
-                raise ValueError(f"contacts row {row}: expected a {name} of at least 0, found {values[row]:g}")
+            wrong = (values < SMALLEST) & (values != 0)
+            if wrong.any():
+                row = int(np.argmax(wrong))
+                least = "0" if values[row] < 0 else f"{SMALLEST:g}, or 0"
+                raise ValueError(f"contacts row {row}: expected a {name} of at least {least}, found {values[row]:g}")
         length = np.hypot(self.contact_normal[:, 0], self.contact_normal[:, 1])
         wrong = np.abs(length - 1) > NORMAL_TOLERANCE
         if wrong.any():

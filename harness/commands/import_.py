@@ -7,8 +7,9 @@ import json
 from pathlib import Path
 
 from harness.errors import EXIT_GOOD, InputError
+from harness.exchange.dump_tables import LAMMPS, LIGGGHTS, Names
 from harness.exchange.from_csv import import_csv
-from harness.exchange.from_lammps import LAMMPS, LIGGGHTS, SETTINGS, Names, import_dumps
+from harness.exchange.from_lammps import SETTINGS, import_dumps
 from harness.exchange.from_yade import import_states
 from harness.exchange.settings import read_settings
 

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from buckling_study import write_buckling_run
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from run_folders import snapshot_arrays, write_manifest, write_run
@@ -358,6 +359,48 @@ def test_the_tests_comparison_can_fail(npz_run: Path, tmp_path: Path) -> None:
         read_run(tmp_path)
 
 
-def test_columns_of_the_plain_reader_are_all_columns() -> None:
-    assert len(export_format.PARTICLE_COLUMNS) == 8
-    assert len(export_format.CONTACT_COLUMNS) == 15
+@pytest.mark.parametrize(
+    ("column", "value", "expected"),
+    [
+        ("contact_fn", 1e51, "normal_force, row 3: expected a magnitude of at most 1e+50, found 1e+51"),
+        ("particle_x", -1e300, "position, row 3: expected a magnitude of at most 1e+50, found -1e+300"),
+        ("particle_radius", 5e-324, "particles row 3: expected a greater (1e-50) radius"),
+        ("contact_kn", 1e-51, "contacts row 3: expected a greater (1e-50) normal_stiffness, found 1e-51"),
+        ("contact_kt", 1e-51, "expected a tangential_stiffness of at least 1e-50, or 0, found 1e-51"),
+    ],
+)
+def test_numbers_whose_products_leave_the_range_are_refused(
+    run_folder: Path, column: str, value: float, expected: str
+) -> None:
+    arrays = snapshot_arrays(0.001, 10)
+    arrays[column] = np.where(np.arange(len(arrays[column])) == 3, value, arrays[column])
+    np.savez(run_folder / NPZ, **arrays)
+    write_manifest(run_folder)
+    assert expected in refusal(run_folder)
+
+
+@settings(MANY, max_examples=15)
+@given(data=st.data())
+def test_numbers_beyond_reason_do_not_break_the_analysis(buckling_run: Path, data: st.DataObject) -> None:
+    """Finite and admissible to every check of the tables: the analysis ends well or in one line, without a warning."""
+    path = buckling_run / "snapshots" / f"{data.draw(st.sampled_from([20, 28, 36])):06d}.npz"
+    content = path.read_bytes()
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    columns = sorted(name for name, values in arrays.items() if values.ndim and values.dtype.kind == "f")
+    name = data.draw(st.sampled_from(columns))
+    rows = data.draw(st.sampled_from([slice(None), slice(3, 4), slice(None, None, 2)]))
+    arrays[name][rows] = data.draw(st.sampled_from([1e300, 1e50, -1e50, 5e-324, 1e-50, 0.0, -1.0]))
+    try:
+        np.savez(path, **arrays)
+        refusal(buckling_run, "analyse")
+    finally:
+        path.write_bytes(content)
+        shutil.rmtree(buckling_run / "analysis", ignore_errors=True)
+
+
+@pytest.fixture(scope="module")
+def buckling_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = write_buckling_run(tmp_path_factory.mktemp("buckling") / "seed1", 1)
+    (folder / export_format.MANIFEST).unlink()
+    return folder

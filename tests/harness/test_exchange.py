@@ -40,7 +40,7 @@ def awkward(folder: Path) -> None:
     with np.load(path) as archive:
         arrays = dict(archive)
     n = len(arrays["particle_vx"])
-    arrays["particle_vx"] = np.resize([5e-324, -0.0, 1 / 3, 1.7976931348623157e308, -1e-17], n)
+    arrays["particle_vx"] = np.resize([5e-324, -0.0, 1 / 3, 9.999999999999999e49, -1e-17], n)
     arrays["contact_ft"] = np.nextafter(arrays["contact_fn"] / 3, 1)
     np.savez(path, **arrays)
     (folder / "run.json").unlink()

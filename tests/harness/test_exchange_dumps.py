@@ -234,9 +234,12 @@ def edit(path: Path, old: str, new: str) -> None:
         ("atoms.007500.dump", "ATOMS\n16", "ATOMS\n9e9", "expected a number below 'ITEM: NUMBER OF', found '9e9'"),
         ("atoms.007500.dump", "ATOMS\n16", "ATOMS\n-1", "expected a number of rows from 0 to 100000000, found -1"),
         ("atoms.007500.dump", "ATOMS\n16", "ATOMS\n15", "expected a line with ITEM:, found '16 1"),
-        ("atoms.007500.dump", "STEP\n7500", "STEP\n7501", "there is no dump of pairs at this time step"),
+        ("atoms.007500.dump", "STEP\n7500", "STEP\n7501", "the other dump has no such time step"),
         ("atoms.007500.dump", "STEP\n7500", "STEP\n5000", "this time step is in atoms.005000.dump as well"),
         ("atoms.007500.dump", "ITEM: TIME\n", "ITEM: UNITS\nlj\nITEM: TIME\n", "expected a dump in SI units"),
+        ("atoms.007500.dump", "vx vy omegaz", "vx z omegaz", "expected centres in one plane z"),
+        ("atoms.007500.dump", "x y radius vx", "x y vx radius", "expected a positive radius, found -"),
+        ("pairs.007500.dump", "STEP\n7500", "STEP\n7501", "the other dump has no such time step"),
         ("atoms.007500.dump", "BOUNDS ff", "BOUNDS xy xz yz ff", "expected a rectangular box"),
         ("atoms.007500.dump", "BOUNDS ff ff pp\n0.0", "BOUNDS ff ff pp\nx.0", "expected the bounds of the box"),
         (
@@ -315,3 +318,21 @@ def test_a_folder_without_dumps_is_named(
     atoms, _ = find_frames(DATA)
     assert sorted(atoms) == list(STEPS)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_frame_without_contacts_is_read_and_one_without_atoms_is_not(
+    dumps: Path, bring: Import, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def empty(path: Path, section: str) -> None:
+        lines = path.read_text().splitlines()
+        start = next(number for number, text in enumerate(lines) if text.startswith(section))
+        lines[next(number for number, text in enumerate(lines) if "NUMBER OF" in text) + 1] = "0"
+        path.write_text("\n".join(lines[: start + 1]) + "\n")
+
+    empty(dumps / "pairs.005000.dump", "ITEM: ENTRIES")
+    assert bring() == 0
+    assert (imported(tmp_path)[0].contact_ids[:, 1] < 0).all()
+    shutil.rmtree(tmp_path / "out")
+    empty(dumps / "atoms.005000.dump", "ITEM: ATOMS")
+    assert bring() == 2
+    assert "expected atoms, found none" in line(capsys)
