@@ -34,7 +34,7 @@ def run_script(yade: Yade) -> RunScript:
         words = [str(script), *map(str, arguments)]
         command = [yade.command, "-n", "-x", *words] if by_command else yade.invocation(Path(words[0]), words[1:])
         return subprocess.run(
-            command, env=yade.environment(), capture_output=True, text=True, timeout=120, check=False, cwd="/"
+            command, env=yade.environment(), capture_output=True, text=True, timeout=400, check=False, cwd="/"
         )
 
     return run
@@ -48,7 +48,7 @@ def killed_at_checkpoint(yade: Yade) -> Callable[..., None]:
         command = yade.invocation(BIAXIAL, [str(file), "--checkpoint-every", "0.1"])
         with subprocess.Popen(command, env=yade.environment(), stdout=subprocess.DEVNULL) as process:
             try:
-                deadline = time.monotonic() + 60
+                deadline = time.monotonic() + 300
                 while not list(file.parent.glob("checkpoint-*")) and time.monotonic() < deadline:
                     assert process.poll() is None, "the run ended before its first checkpoint"
                     time.sleep(0.01)
