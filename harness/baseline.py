@@ -65,8 +65,8 @@ def tolerance_for(reference: Headline, found_runs: int, found_error: float | Non
 
 
 def judged_numbers(measured: Measured) -> int:
-    """Count the numbers that have a value to judge."""
-    return max(1, sum(number.value is not None for case in measured.cases for number in case.headlines))
+    """Count the numbers to hold others to."""
+    return max(1, sum(number.judged for case in measured.cases for number in case.headlines))
 
 
 def read_baseline(path: Path) -> Baseline:
@@ -119,7 +119,7 @@ def _from_plain(content: Mapping[str, Any]) -> Baseline:
                 headlines=numbers,
             )
         )
-    if not any(number.value is not None for case in cases for number in case.headlines):
+    if not any(number.judged for case in cases for number in case.headlines):
         raise ValueError("no number in it")
     measured = Measured(
         study=str(content["study"]),
@@ -202,7 +202,7 @@ def _as_plain(baseline: Baseline) -> dict[str, Any]:
 
 def _number(entry: Headline, numbers: int) -> dict[str, Any]:
     tolerance = None
-    if entry.value is not None:
+    if entry.judged:
         tolerance = tolerance_for(entry, entry.runs, entry.standard_error, numbers)
     return {
         "quantity": entry.quantity,

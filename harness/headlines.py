@@ -37,7 +37,8 @@ MEANS_OVER_DROP = (
 class Headline:
     """One number of one case: its value, standard error (the larger over segments and runs), and how many it is of.
 
-    `standard_error` is None with one run: the packings' spread is unknown. `told` says why there is no value to judge.
+    `standard_error` is None with one run: the packings' spread is unknown. `told` says why the value, if there is one,
+    is not to be approved: a calibrated parameter that the data do not bound on both sides.
     """
 
     case: str
@@ -49,6 +50,11 @@ class Headline:
     count: int
     count_of: str
     told: str = ""
+
+    @property
+    def judged(self) -> bool:
+        """Whether it is a number to hold others to, once approved."""
+        return self.value is not None and not self.told
 
     @property
     def floor(self) -> float:
@@ -151,7 +157,7 @@ def _calibrated(case: str, calibration: Calibration) -> list[Headline]:
                 case=case,
                 quantity=f"calibrated {estimate.name.replace('_', ' ')}",
                 unit="kn",
-                value=estimate.value if known else None,
+                value=estimate.value if known or estimate.determined_by else None,
                 standard_error=estimate.standard_error if calibration.n_runs > 1 else None,
                 runs=calibration.n_runs,
                 count=calibration.n_segments,

@@ -100,7 +100,7 @@ def check(baseline: Baseline, found: Measured) -> Check:
         lines += [
             _unknown(one.case, one.quantity, one.unit, "not in the baseline: approve it anew")
             for one in now.headlines
-            if one.quantity not in known and one.value is not None
+            if one.quantity not in known and one.judged
         ]
     cause = "; ".join(differs) or "nothing that is recorded: the analysis itself, or the machine"
     attributed = tuple(_attributed(line, cause) for line in lines)
@@ -148,15 +148,15 @@ def _consistency_lines(before: Case, now: Case) -> list[Line]:
 
 def _number_line(before: Headline, now: Case, same: bool, barred: str, numbers: int) -> Line:
     found = next((one for one in now.headlines if one.quantity == before.quantity), None)
-    if before.value is None:  # nothing was approved, so nothing can drift: the status is what there is to hold
-        told = "no number" if found is None else found.told or "identified"
-        agrees = found is not None and (found.told == before.told or found.value is not None)
+    if before.value is None or before.told:  # it was not approved as a number
         return Line(
             case=now.name,
-            quantity=f"{before.quantity}: {before.told}",
+            quantity=before.quantity,
             unit=before.unit,
-            outcome=Outcome.PASS if agrees and not barred else Outcome.NOT_COMPARABLE,
-            why=barred or (f"now {told}" if told != before.told else ""),
+            baseline=before.value,
+            found=None if found is None else found.value,
+            outcome=Outcome.NOT_COMPARABLE if barred else Outcome.PASS,
+            why=barred or f"not judged: {before.told} when it was approved",
         )
     if found is None or found.value is None:
         why = "not in the study" if found is None else f"no number: {found.told}"

@@ -121,7 +121,7 @@ def test_a_study_passes_against_itself_and_the_file_reads_back(measured: Measure
 def test_same_tables_must_repeat_every_number(measured: Measured) -> None:
     (case,) = measured.cases
     for one in case.headlines:
-        if one.value:
+        if one.judged and one.value:
             for factor in (0.95, 1.05):
                 result = check(baseline_of(measured), scaled(measured, one.quantity, factor))
                 assert [line.quantity for line in result.lines if line.outcome is Outcome.DRIFTED] == [one.quantity]
@@ -244,24 +244,32 @@ def test_cases_are_paired_by_name_and_a_missing_one_is_told(measured: Measured) 
     assert "only in the baseline" in line_of(result, "case").why
 
 
-def test_parameters_that_were_never_identified_hold_their_status(measured: Measured) -> None:
+def test_a_parameter_that_was_never_identified_is_shown_and_not_judged(measured: Measured) -> None:
     (case,) = measured.cases
     one = Headline(
         case=case.name,
         quantity="calibrated lateral stiffness",
         unit="kn",
-        value=None,
-        standard_error=0.1,
+        value=0.05,
+        standard_error=0.001,
         runs=4,
         count=48,
         count_of="segments",
         told="bounded below",
     )
-    reference = baseline_of(with_case(measured, headlines=(*case.headlines[:3], one)))
-    assert check(reference, fresh(measured, headlines=(*case.headlines[:3], one))).passed
-    lost = check(reference, fresh(measured, headlines=(*case.headlines[:3], replace(one, told="at bound"))))
-    assert not lost.passed
-    assert any("now at bound" in line.why for line in lost.lines)
+
+    def against(before: Headline, now: Headline) -> Line:
+        reference = baseline_of(with_case(measured, headlines=(case.headlines[0], before)))
+        result = check(reference, fresh(measured, headlines=(case.headlines[0], now)))
+        return line_of(result, one.quantity)
+
+    unjudged = against(one, replace(one, value=0.09))
+    assert unjudged.outcome is Outcome.PASS
+    assert unjudged.why == "not judged: bounded below when it was approved"
+    known = replace(one, told="")
+    assert against(known, replace(one, told="at bound")).outcome is Outcome.PASS  # the value is what counts
+    assert against(known, replace(one, told="at bound", value=0.09)).outcome is Outcome.DRIFTED
+    assert against(known, replace(one, told="not identified", value=None)).outcome is Outcome.NOT_COMPARABLE
 
 
 def test_tolerance_has_a_floor_and_grows_as_seeds_get_fewer() -> None:
