@@ -26,9 +26,9 @@ from harness.analysis import FOLDER, usable_runs
 from harness.analysis_options import read_options
 from harness.errors import InputError, RunError
 from harness.exports import Run, read_run
+from harness.figures.sensitivity import N_PANELS, plot_sensitivity
 from harness.pipeline import cases_of, choose_drops
-from harness.report_pictures import Picture
-from harness.sensitivity_figures import N_PANELS, plot_sensitivity
+from harness.report.pictures import Picture
 from harness.study import RunSettings, study_in
 from yade_scripts.run_folder import write
 

@@ -11,7 +11,7 @@ from harness.analysis import analyse
 from harness.commands.analyse import tell_left_out
 from harness.comparison import calibrated_ratios, compare
 from harness.errors import EXIT_GOOD, EXIT_VERDICT
-from harness.report_tables import size_note
+from harness.report.tables import size_note
 from harness.study import study_in
 from harness.text_table import number, render, with_error
 from harness.verdicts import Row, Verdict, failed

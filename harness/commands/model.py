@@ -243,8 +243,10 @@ def draw(args: argparse.Namespace, given: dict[str, float]) -> None:
     file = Path(args.plot)
     if file.suffix.lower() not in PLOT_SUFFIXES:
         raise InputError(f"--plot {file}: expected a name that ends in {', '.join(PLOT_SUFFIXES)}")
-    from harness import column_figures, theory_figures  # matplotlib: not before a figure is wanted
-    from harness.figure_style import style
+    # matplotlib: not before a figure is wanted
+    from harness.figures import column as column_figures
+    from harness.figures import theory as theory_figures
+    from harness.figures.style import style
 
     parameters = chain_parameters(given)
     with style():

@@ -9,7 +9,7 @@ from pathlib import Path
 from harness.analysis import analyse
 from harness.commands.analyse import tell_left_out
 from harness.comparison import calibrated_ratios, compare
-from harness.report import write_report
+from harness.report.page import write_report
 from harness.study import RunSettings, study_in
 
 HELP = "write one self-contained report.html: verdicts, figures, counts, parameters, provenance"

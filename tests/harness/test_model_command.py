@@ -206,7 +206,7 @@ def test_plot_and_table_agree():
     """What the figure draws is the path the table prints."""
     from forcechain.theory.parameters import TABLE_3
     from forcechain.theory.three_particle import loading
-    from harness.theory_figures import path_curve
+    from harness.figures.theory import path_curve
 
     curve = path_curve(TABLE_3)
     buckled = curve["angle"] > 0

@@ -16,9 +16,9 @@ from harness.analysis_options import read_options
 from harness.cli import main
 from harness.errors import InputError
 from harness.exports import read_run, run_folders
-from harness.figure_style import style
+from harness.figures.sensitivity import N_PANELS, plot_sensitivity
+from harness.figures.style import style
 from harness.sensitivity import OUTCOMES, edge_name, edge_value, sensitivity
-from harness.sensitivity_figures import N_PANELS, plot_sensitivity
 
 SEEDS = (1, 2, 3)
 SEGMENTS = len(SEEDS) * N_COLUMNS * (LENGTH - 2)

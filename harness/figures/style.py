@@ -23,7 +23,7 @@ CLASS_COLOURS = {1: "#56B4E9", 2: "#E69F00", 3: "#009E73", 4: "#D55E00"}
 @contextmanager
 def style() -> Iterator[None]:
     """Draw within this context to get the project's look."""
-    with as_file(files("harness") / "forcechain.mplstyle") as sheet:
+    with as_file(files("harness.figures") / "forcechain.mplstyle") as sheet:
         parameters = mpl.rc_params_from_file(sheet, use_default_template=False)
     with mpl.rc_context(parameters):
         yield

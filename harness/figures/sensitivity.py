@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from harness.figure_style import CLASS_COLOURS, DATA, label
+from harness.figures.style import CLASS_COLOURS, DATA, label
 
 PANELS = (
     ("initial_angle_deg", "initial angle", "deg"),

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from harness.figure_style import label
+from harness.figures.style import label
 
 
 def volumetric_strain(history: pd.DataFrame) -> pd.Series:

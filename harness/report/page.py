@@ -14,7 +14,7 @@ import forcechain
 from harness.analysis import Analysis
 from harness.comparison import ModelCurves
 from harness.exports import Run, read_run, run_folders
-from harness.report_pictures import (
+from harness.report.pictures import (
     Picture,
     behaviour_picture,
     buckling_picture,
@@ -22,7 +22,7 @@ from harness.report_pictures import (
     packing_pictures,
     summary_picture,
 )
-from harness.report_tables import (
+from harness.report.tables import (
     Table,
     average_table,
     cell,
@@ -61,7 +61,7 @@ def write_report(
     analysed = set(analysis.runs["run"])
     runs = {folder.name: read_run(folder) for folder in run_folders(analysis.directory) if folder.name in analysed}
     pictures = study_pictures(analysis, curves, runs)
-    environment = Environment(loader=PackageLoader("harness"), autoescape=True, undefined=StrictUndefined)
+    environment = Environment(loader=PackageLoader("harness.report"), autoescape=True, undefined=StrictUndefined)
     context = _context(analysis, rows, curves, settings, runs, pictures)
     page = environment.get_template("report.html.j2").render(context)
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -13,8 +13,8 @@ from matplotlib.patches import Circle
 from forcechain.theory.column import BucklingModes, buckling_modes
 from forcechain.theory.column_path import ColumnPath
 from forcechain.theory.parameters import TABLE_3, ChainParameters
-from harness.figure_style import label
-from harness.theory_figures import DISPLACEMENT, FORCE
+from harness.figures.style import label
+from harness.figures.theory import DISPLACEMENT, FORCE
 
 MOST_SEEN = 24  # particles of a longer column that are drawn, about its largest angle
 

@@ -13,7 +13,7 @@ from forcechain.theory.parameters import ChainParameters
 from forcechain.theory.states import ChainState, Status
 from forcechain.theory.three_particle import loading, straight
 from forcechain.theory.yielding import critical_displacement
-from harness.figure_style import DATA, THEORY, label
+from harness.figures.style import DATA, THEORY, label
 
 IMPERFECTION_DEG = 2.0  # of the second line, as in the paper's Fig. 4
 POINTS = 400

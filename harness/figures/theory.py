@@ -24,7 +24,7 @@ from forcechain.theory.response import Snapdown, snapdowns
 from forcechain.theory.states import ChainState
 from forcechain.theory.three_particle import loading, straight
 from forcechain.theory.yielding import critical_displacement, yield_angles
-from harness.figure_style import CLASS_COLOURS, label
+from harness.figures.style import CLASS_COLOURS, label
 
 ANGLE = label(r"buckling angle $\theta$", "deg")
 FORCE = label("axial force $F$", "N")

@@ -8,7 +8,7 @@ from matplotlib.collections import EllipseCollection, LineCollection
 
 from forcechain.arrays import BoolArray, FloatArray, IntArray
 from forcechain.observe.snapshot import Snapshot
-from harness.figure_style import CLASS_COLOURS, STRONG
+from harness.figures.style import CLASS_COLOURS, STRONG
 
 PLAIN_DISC = {"facecolors": "0.93", "edgecolors": "0.78"}
 CLASS_NAMES = {0: "not classed", 1: "both elastic", 2: "together", 3: "support first", 4: "chain moment first"}
