@@ -21,6 +21,7 @@ from yade_scripts.run_folder import write
 FORMAT = 1
 FALSE_ALARMS = 0.02  # chance that a study of new seeds drifts in any number at all, shared among the numbers
 FEWEST_SEGMENTS = 5
+SEGMENTS_TOGETHER = 3  # those of one chain overlap and share neighbours, so even a rare class comes in twos and threes
 HEAD = "# Approved results, written by `forcechain approve` alone; `forcechain check` holds a study against them.\n"
 
 
@@ -40,33 +41,49 @@ class Baseline:
     history: tuple[Mapping[str, Any], ...]
 
 
-def tolerance_for(reference: Headline, found_runs: int, found_error: float | None, numbers: int) -> Tolerance | None:
-    """Return how far a study of `found_runs` seeds may lie from `reference`; None where no spread of seeds is known.
+def tolerance_for(reference: Headline, found: Headline, numbers: int) -> Tolerance | None:
+    """Return how far the number `found` may lie from `reference`; None where no spread of seeds is known.
 
     The difference of two means over seeds, the variance of a seed pooled from both, by Student's t for the seeds
     there are. One number in `numbers` drifts by chance with a probability of `FALSE_ALARMS` at most, all together.
+    A share may in any case move by `SEGMENTS_TOGETHER` segments.
 
     >>> one = Headline(case="", quantity="", unit="N", value=10.0, standard_error=0.5, runs=4, count=4, count_of="runs")
-    >>> tolerance_for(one, 4, 0.5, 1)
+    >>> tolerance_for(one, one, 1)
     Tolerance(value=2.222..., source='spread of 4 and 4 seeds')
-    >>> tolerance_for(one, 4, 0.0, 1).source, tolerance_for(one, 1, None, 1).source
-    ('spread of 4 and 4 seeds', 'spread of 4 and 1 seeds')
     """
-    sides = [(reference.runs, reference.standard_error), (found_runs, found_error)]
+    sides = [(one.runs, one.standard_error) for one in (reference, found)]
     freedom = sum(runs - 1 for runs, error in sides if error is not None)
-    if freedom < 1 or found_runs < 1:
+    if freedom < 1 or found.runs < 1:
         return None
     variance = sum((runs - 1) * runs * error**2 for runs, error in sides if error is not None) / freedom
     quantile = float(student.ppf(1 - FALSE_ALARMS / numbers / 2, freedom))
-    reach = quantile * (variance * (1 / reference.runs + 1 / found_runs)) ** 0.5
-    if reach <= reference.floor:
-        return Tolerance(value=reference.floor, source="floor")
-    return Tolerance(value=reach, source=f"spread of {reference.runs} and {found_runs} seeds")
+    reach = quantile * (variance * (1 / reference.runs + 1 / found.runs)) ** 0.5
+    floor, source = reference.floor, "floor"
+    if reference.unit == "%":
+        few = 100.0 * SEGMENTS_TOGETHER / min(reference.count, found.count)
+        floor, source = max((floor, source), (few, f"{SEGMENTS_TOGETHER} segments"))
+    if reach <= floor:
+        return Tolerance(value=floor, source=source)
+    return Tolerance(value=reach, source=f"spread of {reference.runs} and {found.runs} seeds")
 
 
 def judged_numbers(measured: Measured) -> int:
     """Count the numbers to hold others to."""
     return max(1, sum(number.judged for case in measured.cases for number in case.headlines))
+
+
+def power_words(measured: Measured) -> str:
+    """Say in words how far a number may lie from the baseline before it drifts, which follows from the seeds alone."""
+    numbers = judged_numbers(measured)
+    fewest = min((entry.runs for case in measured.cases for entry in case.headlines if entry.judged), default=0)
+    if fewest < 2:
+        return "a number without a spread of seeds cannot be judged"
+    reach = float(student.ppf(1 - FALSE_ALARMS / numbers / 2, fewest - 1)) * (1 + 1 / fewest) ** 0.5
+    return (
+        f"from {fewest} seeds: one new seed drifts where it lies {reach:.1f} standard deviations of a seed away; "
+        "more seeds narrow this"
+    )
 
 
 def read_baseline(path: Path) -> Baseline:
@@ -203,7 +220,7 @@ def _as_plain(baseline: Baseline) -> dict[str, Any]:
 def _number(entry: Headline, numbers: int) -> dict[str, Any]:
     tolerance = None
     if entry.judged:
-        tolerance = tolerance_for(entry, entry.runs, entry.standard_error, numbers)
+        tolerance = tolerance_for(entry, entry, numbers)
     return {
         "quantity": entry.quantity,
         "value": entry.value,

@@ -99,7 +99,7 @@ def measure(analysis: Analysis, reference: Mapping[str, float]) -> Measured:
         cases.append(
             Case(
                 name=name,
-                seeds=tuple(int(seed) for seed in pd.to_numeric(facts["seed"], errors="coerce").dropna()),
+                seeds=tuple(sorted(int(seed) for seed in pd.to_numeric(facts["seed"], errors="coerce").dropna())),
                 parameters=parameters,
                 contacts={
                     key: tuple(dict.fromkeys(float(f"{value:.7g}") for value in facts[key].dropna()))

@@ -164,7 +164,7 @@ def _number_line(before: Headline, now: Case, same: bool, barred: str, numbers: 
     few = [one.count for one in (before, found) if one.count_of == "segments" and one.count < FEWEST_SEGMENTS]
     if few and not barred:
         barred = f"too few segments: {few[0]}, expected at least {FEWEST_SEGMENTS}"
-    tolerance = tolerance_for(before, found.runs, found.standard_error, numbers)
+    tolerance = tolerance_for(before, found, numbers)
     if same:
         limit, source = SAME * max(abs(before.value), abs(found.value)), "same tables: the numbers repeat"
     elif tolerance is None:

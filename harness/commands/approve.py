@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 
 from harness.analysis import analyse
-from harness.baseline import approve
+from harness.baseline import approve, power_words
 from harness.commands.analyse import tell_left_out
 from harness.comparison import calibrated_ratios
 from harness.errors import EXIT_GOOD
@@ -42,5 +42,6 @@ def execute(args: argparse.Namespace) -> int:
         )
     else:
         print("\n".join(moved) if moved else "no number moved")
+        print(power_words(baseline.measured))
         print(f"approved: {args.baseline} (approval {len(baseline.history)})")
     return EXIT_GOOD

@@ -273,18 +273,29 @@ def test_a_parameter_that_was_never_identified_is_shown_and_not_judged(measured:
 
 
 def test_tolerance_has_a_floor_and_grows_as_seeds_get_fewer() -> None:
-    def one(runs: int, error: float | None) -> Headline:
+    def one(runs: int, error: float | None, unit: str = "N", count: int = 20) -> Headline:
         return Headline(
-            case="", quantity="", unit="N", value=10.0, standard_error=error, runs=runs, count=runs, count_of="runs"
+            case="",
+            quantity="",
+            unit=unit,
+            value=10.0,
+            standard_error=error,
+            runs=runs,
+            count=count,
+            count_of="segments",
         )
 
-    exact = tolerance_for(one(4, 0.0), 4, 0.0, 20)
+    exact = tolerance_for(one(4, 0.0), one(4, 0.0), 20)
     assert exact is not None
     assert (exact.value, exact.source) == (0.1, "floor")
-    wide = [tolerance_for(one(n, 1.0 / np.sqrt(n)), n, 1.0 / np.sqrt(n), 20) for n in (2, 4, 8)]
-    values = [tolerance.value for tolerance in wide if tolerance is not None]
+    share = tolerance_for(one(4, 0.0, "%", 100), one(4, 0.0, "%", 30), 20)
+    assert share is not None
+    assert (share.value, share.source) == (10.0, "3 segments")
+    each = [one(n, 1.0 / np.sqrt(n)) for n in (2, 4, 8)]
+    values = [tolerance.value for tolerance in (tolerance_for(a, a, 20) for a in each) if tolerance is not None]
+    assert len(values) == 3
     assert values == sorted(values, reverse=True)
-    assert tolerance_for(one(1, None), 1, None, 20) is None
+    assert tolerance_for(one(1, None), one(1, None), 20) is None
 
 
 def test_approval_asks_for_a_reason_and_keeps_its_history(measured: Measured, tmp_path: Path) -> None:
@@ -332,6 +343,7 @@ def test_the_commands_approve_check_and_fail_on_changed_tables(
     gate = ["check", str(directory), "--baseline", str(baseline)]
     assert main(["approve", str(directory), "--baseline", str(baseline), "--reason", " "]) == 2
     assert main(["approve", str(directory), "--baseline", str(baseline), "--reason", "by hand"]) == 0
+    assert "from 4 seeds: one new seed drifts where it lies" in capsys.readouterr().out
     assert main([*gate, "--junit", str(junit)]) == 0
     assert "0 DRIFTED, 0 NOT COMPARABLE" in capsys.readouterr().out
     suite = ElementTree.fromstring(junit.read_bytes()).find("testsuite")
