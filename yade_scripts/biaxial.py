@@ -110,7 +110,7 @@ def run(values: Mapping[str, Any], folder: Path, packings: Path, checkpoint_ever
         },
         preparation={**start.facts, "packing": packing_name},
         validity={
-            **loading_figures(recorder.rows, plan.strain_rate, mean_mass),
+            **loading_figures(recorder.rows, plan.strain_rate, mean_mass, values["confining_stress"]),
             "overlap_max": recorder.largest_overlap / sample.mean_radius,
             "escaped_discs": course.escaped,
             "settled": start.facts["settled"],
@@ -149,8 +149,14 @@ def begin(values: Mapping[str, Any], start: packing.Packing) -> tuple[Sample, Co
     return sample, Course(error_sum=lateral / values["confining_stress"] - 1, error_steps=1)
 
 
-def loading_figures(rows: Sequence[Mapping[str, float]], strain_rate: float, mean_mass: float) -> dict[str, float]:
-    """Figures by which the loading is judged; the first row, before the loading, is left out."""
+def loading_figures(
+    rows: Sequence[Mapping[str, float]], strain_rate: float, mean_mass: float, confining_stress: float
+) -> dict[str, float]:
+    """Figures by which the loading is judged; the first row, before the loading, is left out.
+
+    `servo_error_max` is of the means from row to row; `servo_error_instant_max`, told but not judged, of the rows
+    themselves, at which a disc may just rattle on a wall.
+    """
     loading = rows[1:]
     servo = [abs(row["servo_error"]) for row in loading]
     unbalanced = [row["unbalanced_force"] for row in loading]
@@ -158,6 +164,7 @@ def loading_figures(rows: Sequence[Mapping[str, float]], strain_rate: float, mea
     return {
         "servo_error_max": max(servo),
         "servo_error_mean": sum(servo) / len(servo),
+        "servo_error_instant_max": max(abs(row["lateral_stress"] / confining_stress - 1) for row in loading),
         "unbalanced_force_max": max(unbalanced),
         "unbalanced_force_mean": sum(unbalanced) / len(unbalanced),
         "inertial_number": strain_rate * math.sqrt(mean_mass / lateral),

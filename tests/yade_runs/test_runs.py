@@ -101,6 +101,9 @@ def test_preparation_and_confining_stress_are_within_bounds(rough: Path, smooth:
         history = history_of(run)
         np.testing.assert_allclose(history["lateral_stress"].mean(), 700, rtol=1e-3)
         assert np.abs(history["servo_error"][1:]).max() == validity["servo_error_max"]
+        assert np.abs(history["lateral_stress"][1:] / 700 - 1).max() == pytest.approx(
+            validity["servo_error_instant_max"]
+        )
         # The first row is the packing at rest: nothing has moved yet.
         assert history["unbalanced_force"][0] < 1e-3
         assert history["kinetic_energy"][0] == 0
