@@ -445,3 +445,15 @@ def test_junit_stays_well_formed_whatever_the_words(tmp_path: Path) -> None:
     (failure,) = ElementTree.fromstring(path.read_bytes()).findall(".//failure")
     assert failure.get("message") == "5 < 6 & more ?"
     assert "odd ?? words" in str(failure.text)
+
+
+def test_the_approved_demo_is_whole_and_can_judge() -> None:
+    baseline = read_baseline(Path(__file__).parents[2] / "baselines" / "demo.toml")
+    (case,) = baseline.measured.cases
+    assert len(case.seeds) >= 4
+    judged = [one for one in case.headlines if one.judged]
+    assert len(judged) > 15
+    assert all(tolerance_for(one, one, len(judged)) is not None for one in judged)
+    assert all(entry["reason"] for entry in baseline.history)
+    assert check(baseline, baseline.measured).passed
+    assert max(case.consistency.values()) < 1e-9
