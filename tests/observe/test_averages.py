@@ -54,7 +54,7 @@ def test_bootstrap_over_seeds_sees_what_segments_share():
     runs = [offset + 0.1 * rng.normal(size=(2, 50)) for offset in rng.normal(0, 1, 12)]
     found = bootstrap_error(runs, samples=4000)
     means = np.array([run.mean(axis=1) for run in runs])
-    expected = means.std(axis=0) / np.sqrt(len(runs))  # resampling knows the spread with n, not n - 1
+    expected = means.std(axis=0, ddof=1) / np.sqrt(len(runs))
     np.testing.assert_allclose(found.by_seed, expected, rtol=0.06)
     assert (found.by_seed > 2 * found.by_segment).all()
     np.testing.assert_array_equal(found.larger, found.by_seed)
