@@ -329,7 +329,7 @@ def _profile(fit: ColumnFit, data: Means, index: int, points: int) -> tuple[Floa
 
     def stiffnesses(free: FloatArray, fixed: FloatArray) -> FloatArray:
         if index == 0:
-            return np.column_stack([fixed, free * (fit.bound - fit.series(fixed))])
+            return np.column_stack([fixed, free * fit.room(fixed)])
         if fit.rolling == 0:
             return np.column_stack([SMALLEST + free * (fit.largest_chain_stiffness - SMALLEST), fixed])
         room = np.minimum(fit.largest_series, fit.bound - fixed)

@@ -15,6 +15,7 @@ FITTED_MEASURES = ("axial_force", "normal_displacement_over_R", "axial_displacem
 COUNTED_FROM_START = ("axial_displacement_over_R", "rotation")  # zero at the first increment, in data as in the model
 LARGEST_CHAIN_STIFFNESS = 1.0  # over kn: no tangential spring of a contact is stiffer than its normal one
 SMALLEST = 1e-4  # of the admissible range: kFC = 0 would be no chain
+ROUNDING = 1e-9  # of the plateau's edge, where a search that comes from below ends
 NO_EQUILIBRIUM = 1e3  # residual, in standard errors, where the model has no equilibrium at the data's angle
 
 
@@ -61,6 +62,10 @@ class ColumnFit:
         """Return 2 K/kn from kFC/kn."""
         return 2 * chain_stiffness * self.rolling / (chain_stiffness + self.rolling)
 
+    def room(self, chain_stiffness: FloatArray) -> FloatArray:
+        """Return what (30) leaves for ks/kn; at its edge zero, which rounding may miss by its last digit."""
+        return np.maximum(self.bound - self.series(chain_stiffness), 0.0)
+
     @property
     def largest_chain_stiffness(self) -> float:
         """Largest admissible kFC/kn."""
@@ -75,7 +80,7 @@ class ColumnFit:
             chain = first * LARGEST_CHAIN_STIFFNESS
         else:
             chain = self.chain_stiffness(first * self.largest_series)
-        return np.column_stack([chain, coordinates[:, 1] * (self.bound - self.series(chain))])
+        return np.column_stack([chain, coordinates[:, 1] * self.room(chain)])
 
     def strength(self, means: Means) -> FloatArray:
         """Return ls/kn (n,): the mean lateral force over all increments, over R; section 5.2 of the paper."""
@@ -134,6 +139,6 @@ class ColumnFit:
         be anything up to what (30) admits.
         """
         low = self.strength(means) / (2 * np.sin(means.buckling_angle.min(axis=1)))
-        high = self.bound - self.series(stiffnesses[:, 0])
-        inside = (stiffnesses[:, 1] >= low) & (low < high)
+        high = self.room(stiffnesses[:, 0])
+        inside = (stiffnesses[:, 1] >= low * (1 - ROUNDING)) & (low < high)
         return inside & (not self.imperfect), low, high

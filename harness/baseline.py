@@ -249,8 +249,14 @@ def differences(names: Sequence[str], before: Mapping[str, Any], now: Mapping[st
 
 
 def _told(value: Any) -> str:
+    if isinstance(value, list | tuple) and len(value) > 2 and _counts_on(value):
+        return f"{value[0]} to {value[-1]}"
     if value is None or value == () or value == []:
         return "none"
     if isinstance(value, list | tuple):
         return ", ".join(_told(item) for item in value)
     return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _counts_on(values: Sequence[Any]) -> bool:
+    return type(values[0]) is int and list(values) == list(range(values[0], values[0] + len(values)))

@@ -30,6 +30,7 @@ CONTACTS = (  # of the tables themselves, whatever a parameter file says
     "friction",
     "rolling_friction",
 )
+DIGITS = 16  # of a hash: enough to tell versions apart, and to read
 Plain = bool | int | float | str
 
 
@@ -92,7 +93,7 @@ def measure(analysis: Analysis, reference: Mapping[str, float]) -> Measured:
                 provenance = run.manifest.get("provenance", {})
                 for key, told in (("yade", "yade_version"), ("script", "script_hash")):
                     if told in provenance:
-                        versions[key].add(str(provenance[told]))
+                        versions[key].add(str(provenance[told])[:DIGITS])
             parameters |= {key: value for key, value in run.parameters.items() if key != "seed"}
             for figure, value in run_consistency(run).items():
                 consistency[figure] = max(consistency[figure], value)
@@ -130,4 +131,4 @@ def _folder(directory: Path, run: str) -> Path:
 def _digest(manifest: Mapping[str, Any]) -> str:
     """Digest of a run's tables: of their checksums, which its manifest holds."""
     files = {name: entry.get("sha256") for name, entry in manifest["products"]["files"].items()}
-    return hashlib.sha256(json.dumps(files, sort_keys=True).encode()).hexdigest()[:16]
+    return hashlib.sha256(json.dumps(files, sort_keys=True).encode()).hexdigest()[:DIGITS]

@@ -91,10 +91,10 @@ def check(baseline: Baseline, found: Measured) -> Check:
         lines += _consistency_lines(before, now)
         same = bool(before.tables) and sorted(before.tables.values()) == sorted(now.tables.values())
         seeds = differences(("seeds",), {"seeds": before.seeds}, {"seeds": now.seeds})
-        differs += [item for item in [*other, *contacts, *seeds] if item not in differs]
+        differs += [item for item in dict.fromkeys((*other, *contacts, *seeds)) if item not in differs]
         if not seeds and not same and before.tables:
             differs.append(f"{now.name}: tables, of the same seeds")
-        barred = "; ".join([*(f"other options: {item}" for item in options), *other, *contacts])
+        barred = "; ".join(dict.fromkeys((*(f"other options: {item}" for item in options), *other, *contacts)))
         lines += [_number_line(one, now, same, barred, numbers) for one in before.headlines]
         known = {one.quantity for one in before.headlines}
         lines += [

@@ -10,6 +10,7 @@ import pytest
 from forcechain.arrays import FloatArray
 from forcechain.bounded_fit import fit_many
 from forcechain.calibration import CALIBRATED, Calibration, Column, Estimate, Identified, calibrate
+from forcechain.column_fit import ColumnFit
 from forcechain.resampling import MEASURES, SegmentHistories
 from forcechain.theory.classes import overlap_margin
 from forcechain.theory.parameters import TABLE_3, ChainParameters
@@ -136,6 +137,19 @@ def test_a_force_too_high_for_the_bound_stands_at_it() -> None:
     force = next(goodness for goodness in result.goodness if goodness.measure == "axial_force")
     assert force.calibrated > 0.2
     assert force.calibrated_interval.low <= force.calibrated <= force.calibrated_interval.high
+
+
+@pytest.mark.parametrize("rolling", [0.0, 0.01, 0.0475, 0.3, 0.5, 1.7])
+def test_every_point_of_the_search_is_admissible(rolling: float) -> None:
+    fixed = TABLE_3.with_ratios(rolling_stiffness=rolling)
+    fit = ColumnFit(fixed=fixed, imperfect=False, bound=0.095, errors=np.ones(4))
+    corner = np.linspace(0, 1, 33)
+    stiffness = fit.stiffnesses(np.stack(np.meshgrid(corner, corner), axis=-1).reshape(-1, 2))
+    assert stiffness[:, 0].min() > 0
+    assert stiffness[:, 1].min() >= 0
+    chosen = fixed.with_ratios(chain_tangential_stiffness=stiffness[:, 0], lateral_stiffness=stiffness[:, 1])
+    assert overlap_margin(chosen).min() > -1e-12
+    assert overlap_margin(chosen).min() < 1e-12  # and the search reaches the bound
 
 
 def test_calibrated_parameters_fit_better_than_wrong_ones() -> None:

@@ -145,7 +145,7 @@ def test_other_seeds_pass_within_the_spread_and_drift_beyond_it(measured: Measur
         assert line.drift == pytest.approx(1.01)
         assert "1 times the tolerance" in line.why
         assert "standard errors" in line.why
-        assert "seeds 1, 2, 3, 4 -> 5, 6, 7, 8" in line.why
+        assert "seeds 1 to 4 -> 5 to 8" in line.why
 
 
 def test_at_most_one_of_twenty_studies_of_new_seeds_fails(measured: Measured, found: Analysis) -> None:
