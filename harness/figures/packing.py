@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection, LineCollection
@@ -18,20 +20,8 @@ def plot_discs(snapshot: Snapshot, *, ax: Axes, members: BoolArray | None = None
     """Draw every disc; those in `members` (n_particles,) filled with `colour`. Axes in millimetres."""
     if members is None:
         members = np.zeros(snapshot.n_particles, dtype=bool)
-    for mask, look in ((~members, PLAIN_DISC), (members, {"facecolors": colour, "edgecolors": "white"})):
-        diameter = 2e3 * snapshot.radius[mask]
-        ax.add_collection(
-            EllipseCollection(
-                diameter,
-                diameter,
-                np.zeros(len(diameter)),
-                units="xy",
-                offsets=1e3 * snapshot.position[mask],
-                offset_transform=ax.transData,
-                linewidths=0.3,
-                **look,
-            )
-        )
+    _fill(snapshot, ~members, ax=ax, **PLAIN_DISC)
+    _fill(snapshot, members, ax=ax, facecolors=colour, edgecolors="white")
     return _frame(snapshot, ax)
 
 
@@ -62,22 +52,7 @@ def plot_segments(snapshot: Snapshot, segments: IntArray, classes: IntArray, *, 
         if len(of_class) == 0:
             continue
         colour = CLASS_COLOURS.get(number, "0.4")
-        members = np.unique(of_class)
-        diameter = 2e3 * snapshot.radius[members]
-        ax.add_collection(
-            EllipseCollection(
-                diameter,
-                diameter,
-                np.zeros(len(diameter)),
-                units="xy",
-                offsets=1e3 * snapshot.position[members],
-                offset_transform=ax.transData,
-                facecolors=colour,
-                edgecolors="white",
-                linewidths=0.3,
-                alpha=0.75,
-            )
-        )
+        _fill(snapshot, np.unique(of_class), ax=ax, facecolors=colour, edgecolors="white", alpha=0.75)
         lines = list(1e3 * snapshot.position[of_class])
         ax.add_collection(LineCollection(lines, linewidths=width, colors="black", capstyle="round"))
         ax.plot([], [], "o", color=colour, markersize=6, label=f"{name} ({len(of_class)})")
@@ -106,6 +81,23 @@ def plot_filters(
     plot_segments(snapshot, segments, classes, ax=axes[2])
     axes[2].set_title(f"(c) buckled segments: {len(segments)}")
     return axes
+
+
+def _fill(snapshot: Snapshot, which: BoolArray | IntArray, *, ax: Axes, **look: Any) -> None:
+    """Draw the discs `which`, a mask or numbers, each as large as it is."""
+    diameter = 2e3 * snapshot.radius[which]
+    ax.add_collection(
+        EllipseCollection(
+            diameter,
+            diameter,
+            np.zeros(len(diameter)),
+            units="xy",
+            offsets=1e3 * snapshot.position[which],
+            offset_transform=ax.transData,
+            linewidths=0.3,
+            **look,
+        )
+    )
 
 
 def _frame(snapshot: Snapshot, ax: Axes) -> Axes:
