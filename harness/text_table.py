@@ -22,8 +22,8 @@ def number(value: float | None, digits: int = 3) -> str:
 def with_error(value: float | None, standard_error: float | None) -> str:
     """Write a mean with two standard errors, both to the second digit of the error.
 
-    >>> with_error(14.0589, 1.2), with_error(0.8475, None), with_error(None, None)
-    ('14.1 ± 2.4', '0.847', '-')
+    >>> with_error(14.0589, 1.2), with_error(0.8476, None), with_error(None, None)
+    ('14.1 ± 2.4', '0.848', '-')
     """
     if value is None or standard_error is None or not standard_error > 0:
         return number(value)
