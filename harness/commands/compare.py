@@ -42,9 +42,12 @@ def cells(row: Row) -> tuple[str, ...]:
 
 
 def summary(rows: Sequence[Row]) -> str:
-    """Count the verdicts in one sentence."""
+    """Count the verdicts, and say what it means if one failed."""
     counts = [f"{sum(row.verdict is verdict for row in rows)} {verdict.value}" for verdict in Verdict]
-    return f"{len(rows)} rows: " + ", ".join(counts)
+    told = f"{len(rows)} rows: " + ", ".join(counts)
+    if failed(list(rows)):
+        told += "; FAIL says that data and reference differ by more than the tolerance (exit status 1)"
+    return told
 
 
 def execute(args: argparse.Namespace) -> int:
