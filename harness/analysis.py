@@ -27,7 +27,7 @@ from yade_scripts.run_folder import write, write_json
 FOLDER = "analysis"
 OPTIONS = "options.json"  # written last: its presence says that the other files are whole
 LEDGER = "ledger.json"
-TABLES = ("runs", "drops", "segments", "yielding", "chains", "members", "averages", "classes")
+TABLES = ("runs", "drops", "segments", "yielding", "chains", "members", "macroscopic", "averages", "classes")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,6 +44,7 @@ class Analysis:
         yielding: one row a buckled segment: when its contacts yield, and its class.
         chains: one row a force chain at the start of a drop.
         members: one row a particle in a force chain at the start of a drop.
+        macroscopic: one row a drop: solid fraction, coordination, stress ratio, dissipation, localisation.
         averages: one row a case and increment: count, mean and standard errors of every measure.
         classes: one row a case and class: count and percentage.
         ledger: one record a run and drop: what each filter left.
@@ -60,6 +61,7 @@ class Analysis:
     yielding: pd.DataFrame
     chains: pd.DataFrame
     members: pd.DataFrame
+    macroscopic: pd.DataFrame
     averages: pd.DataFrame
     classes: pd.DataFrame
     ledger: Sequence[Mapping[str, Any]]
@@ -187,7 +189,7 @@ def _stored_source(folder: Path) -> Any:
 
 def _tables(found: Sequence[RunAnalysis]) -> tuple[dict[str, pd.DataFrame], tuple[Any, ...]]:
     tables = {"runs": pd.DataFrame([analysis.facts for analysis in found])}
-    for name in ("drops", "segments", "yielding", "chains", "members"):
+    for name in ("drops", "segments", "yielding", "chains", "members", "macroscopic"):
         parts = [getattr(analysis, name) for analysis in found]
         filled = [part for part in parts if len(part)]
         tables[name] = pd.concat(filled, ignore_index=True) if filled else parts[0]

@@ -15,6 +15,7 @@ import pandas as pd
 from forcechain.observe.options import AnalysisOptions
 from forcechain.observe.transitions import Drop, find_drops, given_drops, snapshots_of_drop
 from forcechain.observe.window import DropObservation, observe_drop
+from harness import macroscopic
 from harness.averages import MEASURES
 from harness.errors import InputError
 from harness.exports import Run, read_run
@@ -31,6 +32,7 @@ class RunAnalysis:
     yielding: pd.DataFrame
     chains: pd.DataFrame
     members: pd.DataFrame
+    macroscopic: pd.DataFrame
     ledger: tuple[Mapping[str, Any], ...]
 
 
@@ -69,6 +71,7 @@ def analyse_run(
     facts = run_facts(run)
     radius = facts["mean_radius"]
     drop_rows, segment_rows, yielding_rows, chain_rows, member_rows, ledger = [], [], [], [], [], []
+    macroscopic_rows = []
     chosen = choose_drops(run, options, intervals)
     for number, drop in enumerate(chosen, start=1):
         try:
@@ -83,6 +86,7 @@ def analyse_run(
         yielding_rows.append(_yielding_table(observed).assign(**of_drop))
         chain_rows.append(_chain_table(observed).assign(**of_drop))
         member_rows.append(_member_table(observed).assign(**of_drop))
+        macroscopic_rows.append(of_drop | macroscopic.drop_facts(snapshots, observed.buckled))
         ledger.append(of_drop | asdict(observed.ledger))
     return RunAnalysis(
         facts=key | facts | {"drops": len(chosen)},
@@ -91,6 +95,7 @@ def analyse_run(
         yielding=_joined(yielding_rows, ["run", "case", "drop", "buckling_class", "slides_first"]),
         chains=_joined(chain_rows, ["run", "case", "drop", "chain", "length", "branch_points"]),
         members=_joined(member_rows, ["run", "case", "drop", "particle", "chain"]),
+        macroscopic=pd.DataFrame(macroscopic_rows, columns=["run", "case", "drop", *macroscopic.COLUMNS]),
         ledger=tuple(ledger),
     )
 

@@ -108,6 +108,10 @@ def _context(
         "verdict_words": VERDICT_WORDS,
         "validity_table": validity_table(analysis, settings, runs),
         "pictures": pictures,
+        "macroscopic_table": frame_table(
+            "State at the start of each drop, and what it dissipates and where it deforms up to its end.",
+            analysis.macroscopic.drop(columns="case"),
+        ),
         "drop_table": frame_table("The drops of the stress ratio.", analysis.drops.drop(columns="case")),
         "class_tables": [class_table(case, analysis) for case in analysis.cases],
         "average_tables": [average_table(case, analysis) for case in curves],

@@ -69,6 +69,22 @@ def test_averages_are_the_known_numbers(found: Analysis) -> None:
     assert list(averages["runs"].unique()) == [len(SEEDS)]
 
 
+def test_macroscopic_facts_of_a_drop(found: Analysis) -> None:
+    facts = found.macroscopic
+    n_weak = N_COLUMNS * (LENGTH - 2)
+    n_all = N_COLUMNS * LENGTH + n_weak
+    contacts = (
+        N_COLUMNS * (2 * (LENGTH - 1) + 2) + 2 * n_weak
+    )  # ends of the contacts of the columns and of the weak discs
+    assert facts["coordination_start"].to_numpy() == pytest.approx(contacts / n_all)
+    assert facts["rattler_share_start"].to_numpy() == pytest.approx(n_weak / n_all)
+    assert facts["coordination_without_rattlers_start"].to_numpy() == pytest.approx(2.0)
+    assert facts["near_buckled_particle_share"].to_numpy() == pytest.approx(1.0)
+    assert facts["solid_fraction_start"].isna().all()  # no side walls: the box is unknown
+    assert facts["dissipated_sliding_J"].to_numpy() == pytest.approx(0.0)  # no tangential force does work
+    assert (facts["area_of_half_the_shear"] < 0.5).all()
+
+
 def test_error_over_runs_is_the_larger_where_segments_of_a_run_agree(found: Analysis) -> None:
     first = found.averages.iloc[0]
     assert first["buckling_angle_deg_se"] == first["buckling_angle_deg_se_runs"]
@@ -80,7 +96,7 @@ def test_error_over_runs_is_the_larger_where_segments_of_a_run_agree(found: Anal
 def test_a_second_analysis_reads_the_first_back(study: Path, found: Analysis) -> None:
     again = analyse(study)
     assert again.reused
-    for name in ("runs", "drops", "segments", "yielding", "chains", "members", "averages", "classes"):
+    for name in ("runs", "drops", "segments", "yielding", "chains", "members", "macroscopic", "averages", "classes"):
         pd.testing.assert_frame_equal(getattr(again, name), getattr(found, name), check_dtype=False)
     assert list(again.ledger) == list(found.ledger)
 
