@@ -19,6 +19,7 @@ from harness.analysis_options import describe_options, read_options
 from harness.averages import average, class_shares
 from harness.errors import InputError, RunError
 from harness.exports import Run, read_run, run_folders
+from harness.manifest import products_disagreement
 from harness.pipeline import RunAnalysis, analyse_runs, cases_of
 from harness.study import STUDY_COPY, RunSettings, Study, planned_in, study_in
 from yade_scripts import export_format
@@ -95,6 +96,10 @@ def usable_runs(directory: Path, settings: RunSettings) -> tuple[list[Run], dict
         except RunError as error:
             left_out[folder.name] = str(error)
             continue
+        if run.manifest is not None:
+            difference = products_disagreement(run.folder, run.manifest, thorough=False)
+            if difference is not None:  # also where this analysis would not read the file
+                raise InputError(f"run {run.name}: {difference}, against run.json; run the study again or restore it")
         fault = None if run.manifest is None else validity.faults(validity.judge(run.manifest, settings))
         if fault is None:
             runs.append(run)

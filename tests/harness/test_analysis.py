@@ -143,6 +143,17 @@ def test_an_invalid_run_is_left_out_and_named(tmp_path: Path, capsys: pytest.Cap
     assert set(analyse(directory).runs["run"]) == {"seed1", "seed2"}
 
 
+def test_a_truncated_snapshot_is_met_even_outside_the_drops(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = write_buckling_run(tmp_path / "seed1", 1)
+    first = run / "snapshots" / "000001.npz"
+    first.write_bytes(first.read_bytes()[:1000])
+    assert main(["analyse", str(run)]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "run seed1: snapshots/000001.npz: expected" in error
+    assert "found 1000" in error
+
+
 def test_without_a_valid_run_there_is_nothing_to_analyse(tmp_path: Path) -> None:
     write_buckling_run(tmp_path / "runs" / "seed1", 1, status="failed", failure="it broke")
     with pytest.raises(RunError, match="it broke"):
