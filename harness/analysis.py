@@ -138,6 +138,10 @@ def analyse(directory: Path, *, jobs: int | None = None) -> Analysis:
     folder = directory / FOLDER
     if _stored_source(folder) == source:
         return _read(directory, name, described, left_out)
+    for run in runs:
+        if run.manifest is None:  # nothing vouches for these tables: read them all once, not the drops' alone
+            for _ in run.snapshots():
+                pass
     found = analyse_runs(list(zip(runs, cases_of(runs), strict=True)), options, intervals, jobs or os.cpu_count() or 1)
     tables, ledger = _tables(found)
     (folder / OPTIONS).unlink(missing_ok=True)

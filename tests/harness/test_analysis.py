@@ -154,6 +154,22 @@ def test_a_truncated_snapshot_is_met_even_outside_the_drops(tmp_path: Path, caps
     assert "found 1000" in error
 
 
+def test_tables_of_other_origin_are_checked_outside_the_drops_too(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = write_buckling_run(tmp_path / "bare", 1)
+    (run / "run.json").unlink()
+    first = run / "snapshots" / "000001.npz"
+    with np.load(first) as archive:
+        tables = dict(archive)
+    tables["contact_fn"][3] = np.nan
+    np.savez(first, **tables)
+    assert main(["analyse", str(run)]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "run bare: 000001.npz: contacts row 3, column 'fn'" in error
+
+
 def test_without_a_valid_run_there_is_nothing_to_analyse(tmp_path: Path) -> None:
     write_buckling_run(tmp_path / "runs" / "seed1", 1, status="failed", failure="it broke")
     with pytest.raises(RunError, match="it broke"):
