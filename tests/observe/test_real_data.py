@@ -103,7 +103,7 @@ def test_some_contacts_are_exactly_at_their_limits(window):
         for plastic in (sliding, rolling):
             exact, loose = plastic(snapshot, 1e-12).sum(), plastic(snapshot, 1e-6).sum()
             assert exact > 10
-            assert loose - exact <= 0.02 * exact
+            assert loose - exact <= max(1, 0.02 * exact)  # one may be that near by chance
 
 
 def test_the_energy_balance_closes(real_run):
