@@ -32,9 +32,9 @@ from forcechain.observe.segments import find_segments
 from forcechain.observe.snapshot import Snapshot
 from forcechain.observe.stress import particle_stress
 from forcechain.observe.window import observe_drop
-from harness.exports import read_run
-from harness.pipeline import analyse_run
-from harness.yade_environment import find_yade
+from harness.analysing.pipeline import analyse_run
+from harness.reading.exports import read_run
+from harness.running.yade_environment import find_yade
 
 SIZES = (5_000, 30_000, 200_000, 1_000_000)
 RADIUS, STIFFNESS = 1e-3, 1.05e5

@@ -60,7 +60,7 @@ def load(name: str) -> Command:
 
 class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        from harness.yade_environment import find_yade  # reads a file: not before it is asked for
+        from harness.running.yade_environment import find_yade  # reads a file: not before it is asked for
 
         yade = find_yade()
         found = f"YADE {yade.version} ({yade.command})" if yade else "YADE not found"

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from run_folders import snapshot_arrays, write_manifest, write_run
 
-from harness.yade_environment import find_yade
+from harness.running.yade_environment import find_yade
 from yade_scripts import export_format
 
 

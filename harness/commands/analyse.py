@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from harness.analysis import Analysis, analyse
+from harness.analysing.analysis import Analysis, analyse
+from harness.analysing.sensitivity import write_sensitivity
 from harness.errors import EXIT_GOOD, EXIT_RUN
-from harness.sensitivity import write_sensitivity
 from harness.text_table import render
 
 HELP = "turn exports into buckling data: chains, buckled segments, averages, classes, the ledger of counts"

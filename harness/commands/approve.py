@@ -6,12 +6,12 @@ import argparse
 import json
 from pathlib import Path
 
-from harness.analysis import analyse
-from harness.baseline import approve, power_words
+from harness.analysing.analysis import analyse
 from harness.commands.analyse import tell_left_out
-from harness.comparison import calibrated_ratios
+from harness.comparing.comparison import calibrated_ratios
 from harness.errors import EXIT_GOOD
-from harness.measured import measure
+from harness.gate.baseline import approve, power_words
+from harness.gate.measured import measure
 from harness.study import study_in
 
 HELP = "make the results of a study the baseline that later ones are held to; asks for a reason"

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from forcechain.calibration_result import Calibration, Column, Estimate, Identified
-from harness.analysis import analyse
-from harness.calibrations import as_plain, calibrate_study, write_parameters
+from harness.analysing.analysis import analyse
 from harness.commands.analyse import tell_left_out
-from harness.comparison import calibrated_ratios
+from harness.comparing.calibrations import as_plain, calibrate_study, write_parameters
+from harness.comparing.comparison import calibrated_ratios
 from harness.errors import EXIT_GOOD
 from harness.study import study_in
 from harness.text_table import number, render

@@ -6,14 +6,14 @@ import argparse
 import json
 from pathlib import Path
 
-from harness.analysis import analyse
-from harness.baseline import read_baseline
+from harness.analysing.analysis import analyse
 from harness.commands.analyse import tell_left_out
-from harness.comparison import calibrated_ratios
+from harness.comparing.comparison import calibrated_ratios
 from harness.errors import EXIT_GOOD, EXIT_VERDICT
-from harness.junit import write_junit
-from harness.measured import measure
-from harness.regression import Check, Line, Outcome, check
+from harness.gate.baseline import read_baseline
+from harness.gate.junit import write_junit
+from harness.gate.measured import measure
+from harness.gate.regression import Check, Line, Outcome, check
 from harness.study import study_in
 from harness.text_table import number, render
 

@@ -7,14 +7,14 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from harness.analysis import analyse
+from harness.analysing.analysis import analyse
 from harness.commands.analyse import tell_left_out
-from harness.comparison import calibrated_ratios, compare
+from harness.comparing.comparison import calibrated_ratios, compare
+from harness.comparing.verdicts import Row, Verdict, failed
 from harness.errors import EXIT_GOOD, EXIT_VERDICT
 from harness.report.tables import size_note
 from harness.study import study_in
 from harness.text_table import number, render, with_error
-from harness.verdicts import Row, Verdict, failed
 
 HELP = "hold the model against the data and the data against the paper: a table, a verdict a row"
 EXAMPLE = "forcechain compare results/demo"

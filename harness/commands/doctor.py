@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 import forcechain
 from harness.commands.run import available_cores
 from harness.errors import EXIT_GOOD, EXIT_RUN, RunError
-from harness.yade_environment import COMMAND_VARIABLE, INSTALL, Yade, find_yade
+from harness.running.yade_environment import COMMAND_VARIABLE, INSTALL, Yade, find_yade
 
 HELP = "what is installed, which YADE, what is missing and the command that mends it"
 EXAMPLE = "forcechain doctor"

@@ -6,12 +6,12 @@ import argparse
 import json
 from pathlib import Path
 
-from harness.analysis_options import read_options
+from harness.analysing.analysis_options import read_options
 from harness.commands.analyse import tell_left_out
 from harness.errors import RunError
 from harness.exchange.to_csv import write_csv_run
 from harness.exchange.to_vtk import write_vtk_run
-from harness.exports import read_run, run_folders
+from harness.reading.exports import read_run, run_folders
 from harness.study import study_in
 
 HELP = "write runs as CSV tables or as ParaView's files"

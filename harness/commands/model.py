@@ -21,8 +21,15 @@ from forcechain.theory.states import ChainState, Status
 from forcechain.theory.three_particle import loading, straight
 from forcechain.theory.yielding import critical_displacement, yield_angles
 from harness.errors import EXIT_GOOD, InputError
-from harness.model_arguments import chain_parameters, guarded, parse_count, parse_numbers, parse_settings, parse_sweep
-from harness.model_tables import COLUMNS, as_record, column_record, column_rows, print_csv, print_json, rows
+from harness.modelling.model_arguments import (
+    chain_parameters,
+    guarded,
+    parse_count,
+    parse_numbers,
+    parse_settings,
+    parse_sweep,
+)
+from harness.modelling.model_tables import COLUMNS, as_record, column_record, column_rows, print_csv, print_json, rows
 
 HELP = "the analytic model's curves as CSV, JSON or a plot"
 EXAMPLE = "forcechain model --set rolling_friction=0.05 --angles 5,14,25"

@@ -6,9 +6,9 @@ import argparse
 import json
 from pathlib import Path
 
-from harness.analysis import analyse
+from harness.analysing.analysis import analyse
 from harness.commands.analyse import tell_left_out
-from harness.comparison import calibrated_ratios, compare
+from harness.comparing.comparison import calibrated_ratios, compare
 from harness.report.page import write_report
 from harness.study import RunSettings, study_in
 

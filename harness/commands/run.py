@@ -6,15 +6,15 @@ import argparse
 import os
 from pathlib import Path
 
-from harness.analysis_options import read_options
+from harness.analysing.analysis_options import read_options
 from harness.commands.status import exit_status, print_json, print_states
-from harness.display import display_for
-from harness.engines import ENGINES
 from harness.errors import InputError
-from harness.launch import run_study
-from harness.run_state import RunState
+from harness.running.display import display_for
+from harness.running.engines import ENGINES
+from harness.running.launch import run_study
+from harness.running.run_state import RunState
+from harness.running.yade_environment import need_yade
 from harness.study import Study, read_study
-from harness.yade_environment import need_yade
 
 HELP = "launch the runs of a study that are not done yet; run it again to resume"
 EXAMPLE = "forcechain run studies/demo.toml --jobs 2"
@@ -56,7 +56,7 @@ def launch(study: Study, directory: Path, jobs: int | None, engine: str = "local
 
     Options of the later steps are checked now: a slip in them shows before hours of running, not after.
     """
-    from harness.comparison import calibrated_ratios  # not at the top: it brings the whole analysis along
+    from harness.comparing.comparison import calibrated_ratios  # not at the top: it brings the whole analysis along
 
     read_options(study.analysis, str(study.source))
     calibrated_ratios(study.compare, str(study.source))

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from harness.display import progress_words
 from harness.errors import EXIT_GOOD, EXIT_RUN
-from harness.run_state import RunState, State, states_in
+from harness.running.display import progress_words
+from harness.running.run_state import RunState, State, states_in
 
 HELP = "every run of a study: waiting, running (strain, time left), done, invalid or failed (why)"
 EXAMPLE = "forcechain status results/demo"

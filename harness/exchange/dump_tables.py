@@ -11,7 +11,7 @@ import numpy as np
 from forcechain.arrays import FloatArray, IntArray
 from harness.errors import InputError
 from harness.exchange.dumps import Frame
-from harness.tables import Table, checked
+from harness.reading.tables import Table, checked
 from yade_scripts.export_format import Column
 
 WALLS = {"left": (-1, (-1.0, 0.0)), "right": (-2, (1.0, 0.0)), "bottom": (-3, (0.0, -1.0)), "top": (-4, (0.0, 1.0))}

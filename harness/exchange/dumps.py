@@ -11,7 +11,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from harness.errors import InputError
-from harness.tables import Table
+from harness.reading.tables import Table
 
 ATOMS, PAIRS = "atoms", "pairs"
 SECTIONS = {"ITEM: ATOMS": ATOMS, "ITEM: ENTRIES": PAIRS}

@@ -7,7 +7,7 @@ from pathlib import Path
 from harness.errors import InputError
 from harness.exchange.new_folder import new_folder
 from harness.exchange.snapshot_tables import write_run
-from harness.exports import read_run
+from harness.reading.exports import read_run
 
 
 def import_csv(source: Path, folder: Path) -> int:

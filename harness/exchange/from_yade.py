@@ -13,8 +13,8 @@ import pandas as pd
 from harness.errors import InputError, RunError
 from harness.exchange.new_folder import new_folder
 from harness.exchange.snapshot_tables import history_rows, write_history, write_origin
-from harness.exports import read_run
-from harness.yade_environment import need_yade
+from harness.reading.exports import read_run
+from harness.running.yade_environment import need_yade
 from yade_scripts.run_folder import SCRIPTS
 
 SCRIPT = SCRIPTS / "from_saved_state.py"

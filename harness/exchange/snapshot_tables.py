@@ -12,7 +12,7 @@ import pandas as pd
 from forcechain import __version__
 from forcechain.observe.macroscopic import Box, box_of, contact_stress, coordination, solid_fraction
 from forcechain.observe.snapshot import Snapshot
-from harness.tables import Table
+from harness.reading.tables import Table
 from yade_scripts import export_format
 from yade_scripts.export import archive
 from yade_scripts.run_folder import write, write_csv, write_json

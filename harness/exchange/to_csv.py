@@ -6,8 +6,8 @@ from pathlib import Path
 
 from harness.exchange.new_folder import new_folder
 from harness.exchange.snapshot_tables import contact_table, particle_table, write_history, write_origin, write_table
-from harness.exports import Run
-from harness.snapshot_files import CONTACTS_CSV, PARTICLES_CSV
+from harness.reading.exports import Run
+from harness.reading.snapshot_files import CONTACTS_CSV, PARTICLES_CSV
 from yade_scripts import export_format
 
 

@@ -16,7 +16,7 @@ from forcechain.observe.options import AnalysisOptions
 from forcechain.observe.snapshot import Snapshot
 from forcechain.observe.stress import particle_stress, principal
 from harness.errors import InputError
-from harness.exports import Run
+from harness.reading.exports import Run
 from yade_scripts.export_format import snapshot_name
 from yade_scripts.run_folder import write
 

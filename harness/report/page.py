@@ -11,9 +11,10 @@ import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 import forcechain
-from harness.analysis import Analysis
-from harness.comparison import ModelCurves
-from harness.exports import Run, read_run, run_folders
+from harness.analysing.analysis import Analysis
+from harness.comparing.comparison import ModelCurves
+from harness.comparing.verdicts import Row, Verdict, failed
+from harness.reading.exports import Run, read_run, run_folders
 from harness.report.pictures import (
     Picture,
     behaviour_picture,
@@ -35,7 +36,6 @@ from harness.report.tables import (
     verdict_table,
 )
 from harness.study import RunSettings
-from harness.verdicts import Row, Verdict, failed
 from yade_scripts.run_folder import write
 
 VERDICT_WORDS = (

@@ -16,13 +16,13 @@ from matplotlib.figure import Figure
 from forcechain.arrays import BoolArray, IntArray
 from forcechain.observe.filters import potential_energy
 from forcechain.observe.snapshot import Snapshot
-from harness.analysis import Analysis
-from harness.comparison import ModelCurves
-from harness.exports import Run
+from harness.analysing.analysis import Analysis
+from harness.comparing.comparison import ModelCurves
 from harness.figures.buckling import plot_buckling, plot_force
 from harness.figures.macroscopic import plot_stress_ratio, plot_volume_change
 from harness.figures.packing import plot_discs, plot_filters, plot_forces, plot_segments
 from harness.figures.style import style
+from harness.reading.exports import Run
 from harness.text_table import number
 
 MOST_LINES = 6  # runs of one figure

@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from harness import paper, validity
-from harness.analysis import Analysis
-from harness.averages import MEASURES
-from harness.comparison import ModelCurves
-from harness.exports import Run
+from harness.analysing.analysis import Analysis
+from harness.analysing.averages import MEASURES
+from harness.comparing import paper
+from harness.comparing.comparison import ModelCurves
+from harness.comparing.verdicts import Row, Verdict
+from harness.reading import validity
+from harness.reading.exports import Run
 from harness.study import RunSettings
 from harness.text_table import number, with_error
-from harness.verdicts import Row, Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

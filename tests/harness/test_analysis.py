@@ -22,8 +22,8 @@ from buckling_study import (
     write_buckling_study,
 )
 
-from harness.analysis import Analysis, analyse
-from harness.averages import average, histories
+from harness.analysing.analysis import Analysis, analyse
+from harness.analysing.averages import average, histories
 from harness.cli import main
 from harness.errors import InputError, RunError
 

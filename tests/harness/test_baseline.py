@@ -15,16 +15,16 @@ import pandas as pd
 import pytest
 from buckling_study import write_buckling_run, write_buckling_study
 
-from harness.analysis import Analysis, analyse
-from harness.baseline import Baseline, approve, read_baseline, tolerance_for
+from harness.analysing.analysis import Analysis, analyse
 from harness.cli import main
-from harness.consistency import run_consistency
 from harness.errors import InputError
-from harness.exports import read_run
-from harness.headlines import Headline, headlines
-from harness.junit import write_junit
-from harness.measured import Measured, measure
-from harness.regression import CONSISTENT, Check, Line, Outcome, check
+from harness.gate.baseline import Baseline, approve, read_baseline, tolerance_for
+from harness.gate.headlines import Headline, headlines
+from harness.gate.junit import write_junit
+from harness.gate.measured import Measured, measure
+from harness.gate.regression import CONSISTENT, Check, Line, Outcome, check
+from harness.reading.consistency import run_consistency
+from harness.reading.exports import read_run
 from yade_scripts import export_format
 
 SEEDS = (1, 2, 3, 4)

@@ -14,9 +14,9 @@ from buckling_study import LATERAL, RADIUS, STIFFNESS, write_buckling_study
 from forcechain.calibration_result import Column
 from forcechain.theory.parameters import TABLE_3
 from forcechain.theory.three_particle import loading
-from harness.analysis import Analysis, analyse
-from harness.calibrations import calibrate_study, segment_histories
+from harness.analysing.analysis import Analysis, analyse
 from harness.cli import main
+from harness.comparing.calibrations import calibrate_study, segment_histories
 from harness.toml_text import dumps
 
 

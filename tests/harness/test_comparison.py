@@ -12,12 +12,12 @@ from buckling_study import LATERAL, write_buckling_study
 
 from forcechain.theory.parameters import TABLE_3
 from forcechain.theory.three_particle import loading
-from harness import paper
-from harness.analysis import Analysis, analyse
+from harness.analysing.analysis import Analysis, analyse
 from harness.cli import main
-from harness.comparison import calibrated_ratios, compare
+from harness.comparing import paper
+from harness.comparing.comparison import calibrated_ratios, compare
+from harness.comparing.verdicts import Row, Verdict, judge, tolerance_for_a_mean, tolerance_for_one_print
 from harness.errors import InputError
-from harness.verdicts import Row, Verdict, judge, tolerance_for_a_mean, tolerance_for_one_print
 
 
 @pytest.fixture(scope="module")

@@ -25,9 +25,10 @@ from hypothesis import strategies as st
 from run_folders import snapshot_arrays, write_manifest, write_run
 
 from forcechain.observe.snapshot import Snapshot
-from harness import cli, tables
+from harness import cli
 from harness.errors import HarnessError
-from harness.exports import read_run
+from harness.reading import tables
+from harness.reading.exports import read_run
 from yade_scripts import export_format
 
 NPZ = Path("snapshots") / "000001.npz"

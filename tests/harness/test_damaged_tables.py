@@ -14,7 +14,7 @@ from run_folders import snapshot_arrays, write_run
 
 from forcechain.observe.snapshot import Snapshot
 from harness.errors import HarnessError
-from harness.exports import read_run
+from harness.reading.exports import read_run
 from yade_scripts import export_format
 
 PARTICLE = [f"particle_{name}" for name in export_format.names(export_format.PARTICLE_COLUMNS)]

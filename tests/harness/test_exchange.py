@@ -17,8 +17,8 @@ from forcechain.observe.chains import find_chains
 from forcechain.observe.options import AnalysisOptions
 from forcechain.observe.snapshot import Snapshot
 from harness import cli
-from harness.exports import read_run, read_snapshot
-from harness.pipeline import analyse_run
+from harness.analysing.pipeline import analyse_run
+from harness.reading.exports import read_run, read_snapshot
 from yade_scripts import export_format
 
 COUNTS = {"particles": ("NumberOfVerts", 1), "contacts": ("NumberOfLines", 2)}

@@ -14,7 +14,7 @@ from forcechain.observe.macroscopic import unbalanced_forces
 from forcechain.observe.snapshot import Snapshot
 from harness import cli
 from harness.exchange.dumps import find_frames
-from harness.exports import read_run
+from harness.reading.exports import read_run
 
 DATA = Path(__file__).parents[1] / "data" / "lammps"  # written by LAMMPS 22 July 2025 from biaxial.in, there
 DRAG = 0.02  # N s/m, fix viscous of that input

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from harness.errors import InputError, RunError
-from harness.exports import is_run, read_run, read_snapshot, run_folders
+from harness.reading.exports import is_run, read_run, read_snapshot, run_folders
 from yade_scripts import export_format
 
 Rewrite = Callable[..., None]

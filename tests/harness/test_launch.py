@@ -17,7 +17,8 @@ from typing import Any
 
 import pytest
 
-from harness import cli, launch
+from harness import cli
+from harness.running import launch
 
 WriteStudy = Callable[..., Path]
 FakeYade = Any  # of conftest.py

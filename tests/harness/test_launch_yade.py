@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from harness import cli
-from harness.exports import read_run, run_folders
+from harness.reading.exports import read_run, run_folders
 
 pytestmark = pytest.mark.yade
 

@@ -11,7 +11,7 @@ import pytest
 
 from harness import cli
 from harness.commands.model import FIGURES
-from harness.model_tables import COLUMNS
+from harness.modelling.model_tables import COLUMNS
 
 PRINTED = {  # t [deg]: stage, F [N], d, D/R, w [deg] of Table 3
     5.0: ("1b", 10.896666670, 0.090686730, 0.195904487, 0.272027965),

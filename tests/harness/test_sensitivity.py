@@ -12,13 +12,13 @@ import pytest
 from buckling_study import DROP, GROWTH_DEG, LATERAL, LENGTH, N_COLUMNS, first_angle_deg, write_buckling_study
 
 from forcechain.observe.options import AnalysisOptions
-from harness.analysis_options import read_options
+from harness.analysing.analysis_options import read_options
+from harness.analysing.sensitivity import OUTCOMES, edge_name, edge_value, sensitivity
 from harness.cli import main
 from harness.errors import InputError
-from harness.exports import read_run, run_folders
 from harness.figures.sensitivity import N_PANELS, plot_sensitivity
 from harness.figures.style import style
-from harness.sensitivity import OUTCOMES, edge_name, edge_value, sensitivity
+from harness.reading.exports import read_run, run_folders
 
 SEEDS = (1, 2, 3)
 SEGMENTS = len(SEEDS) * N_COLUMNS * (LENGTH - 2)
@@ -113,7 +113,7 @@ def test_the_figure_shows_every_variation(study: Path) -> None:
 def test_the_command_writes_table_and_figure(
     study: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("harness.sensitivity.VARIATIONS", {"segment_rule": ("every",)})
+    monkeypatch.setattr("harness.analysing.sensitivity.VARIATIONS", {"segment_rule": ("every",)})
     assert main(["analyse", str(study), "--sensitivity", "--jobs", "1", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     names = [Path(file).name for file in told["sensitivity"]]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from harness.errors import InputError
-from harness.exports import run_folders
+from harness.reading.exports import run_folders
 from harness.study import RunSettings, read_study, study_in
 
 DEMO = Path(__file__).parents[2] / "studies" / "demo.toml"

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from harness.run_state import State, state_of
+from harness.reading.validity import faults, judge
+from harness.running.run_state import State, state_of
 from harness.study import RunSettings
-from harness.validity import faults, judge
 
 GOOD: dict[str, Any] = {
     "script": "biaxial.py",

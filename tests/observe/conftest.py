@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from harness.cli import main
-from harness.exports import Run, read_run, run_folders
+from harness.reading.exports import Run, read_run, run_folders
 
 STUDY = """
 name = "observed"

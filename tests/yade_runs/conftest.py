@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from yade_run_files import BIAXIAL, SMALL, RunScript
 
-from harness.yade_environment import Yade, find_yade
+from harness.running.yade_environment import Yade, find_yade
 from yade_scripts import export_format
 
 collect_ignore = ["stress_probe.py", "save_states.py"]  # for YADE's Python, not for this one

@@ -10,7 +10,7 @@ from mechanics import unbalanced
 from yade_run_files import ROOT, history_of, manifest_of, snapshot_of
 
 from harness import cli
-from harness.exports import read_run, run_folders
+from harness.reading.exports import read_run, run_folders
 from yade_scripts import measures
 
 pytestmark = pytest.mark.yade

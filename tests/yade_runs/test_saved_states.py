@@ -13,7 +13,7 @@ from yade_run_files import ROOT, RunScript
 
 from forcechain.observe.snapshot import Snapshot
 from harness import cli
-from harness.exports import read_run
+from harness.reading.exports import read_run
 
 pytestmark = pytest.mark.yade
 

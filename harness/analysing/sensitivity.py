@@ -22,12 +22,12 @@ from forcechain.observe.sensitivity import VARIATIONS, Variation, variations
 from forcechain.observe.snapshot import Snapshot
 from forcechain.observe.transitions import snapshots_of_drop
 from forcechain.observe.window import observe_drop
-from harness.analysis import FOLDER, usable_runs
-from harness.analysis_options import read_options
+from harness.analysing.analysis import FOLDER, usable_runs
+from harness.analysing.analysis_options import read_options
+from harness.analysing.pipeline import cases_of, choose_drops
 from harness.errors import InputError, RunError
-from harness.exports import Run, read_run
 from harness.figures.sensitivity import N_PANELS, plot_sensitivity
-from harness.pipeline import cases_of, choose_drops
+from harness.reading.exports import Run, read_run
 from harness.report.pictures import Picture
 from harness.study import RunSettings, study_in
 from yade_scripts.run_folder import write
@@ -97,7 +97,7 @@ def sensitivity(
 def write_sensitivity(directory: Path, *, jobs: int | None = None) -> tuple[pd.DataFrame, tuple[Path, ...]]:
     """Make the table of a study or run, and a figure a case, under its `analysis`; return the table and the files.
 
-    Raises what `harness.analysis.analyse` raises; runs that are not complete and valid are left out as there.
+    Raises what `harness.analysing.analysis.analyse` raises; runs that are not complete and valid are left out as there.
     """
     study = study_in(directory)
     settings = study.run if study is not None else RunSettings()

@@ -15,11 +15,11 @@ import pandas as pd
 from forcechain.observe.options import AnalysisOptions
 from forcechain.observe.transitions import Drop, find_drops, given_drops, snapshots_of_drop
 from forcechain.observe.window import DropObservation, observe_drop
-from harness import macroscopic
-from harness.averages import MEASURES
+from harness.analysing import macroscopic
+from harness.analysing.averages import MEASURES
+from harness.analysing.run_facts import run_facts
 from harness.errors import InputError
-from harness.exports import Run, read_run
-from harness.run_facts import run_facts
+from harness.reading.exports import Run, read_run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

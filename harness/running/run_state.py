@@ -12,9 +12,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from harness import exports, validity
 from harness.errors import InputError
-from harness.manifest import parameter_values, products_disagreement, read_manifest
+from harness.reading import exports, validity
+from harness.reading.manifest import parameter_values, products_disagreement, read_manifest
 from harness.study import RUNS, PlannedRun, RunSettings, Study, planned_in, study_in
 from yade_scripts import export_format
 

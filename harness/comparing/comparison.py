@@ -15,11 +15,11 @@ from forcechain.observe.averages import bootstrap_error
 from forcechain.theory.parameters import ChainParameters
 from forcechain.theory.states import ChainState, Status
 from forcechain.theory.three_particle import loading
-from harness import paper
-from harness.analysis import Analysis
-from harness.averages import histories, mean_and_error
+from harness.analysing.analysis import Analysis
+from harness.analysing.averages import histories, mean_and_error
+from harness.comparing import paper
+from harness.comparing.verdicts import Row, Verdict, judge, tolerance_for_a_mean, tolerance_for_one_print
 from harness.errors import InputError
-from harness.verdicts import Row, Verdict, judge, tolerance_for_a_mean, tolerance_for_one_print
 
 MODEL_FLOOR = 0.25  # of the model's own value: the paper calls its agreement reasonable and prints no measure of it
 CALIBRATED = ("chain_tangential_stiffness", "lateral_stiffness", "lateral_strength")

@@ -10,7 +10,7 @@ from typing import Any, TextIO
 
 from tqdm import tqdm
 
-from harness.run_state import State, read_progress
+from harness.running.run_state import State, read_progress
 from harness.study import RUNS
 
 LINE_EVERY_S = 30.0

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from forcechain.observe.snapshot import Snapshot
-from harness.exports import Run
+from harness.reading.exports import Run
 
 
 def contact_facts(snapshot: Snapshot) -> dict[str, Any]:

@@ -12,8 +12,8 @@ from typing import Any
 from scipy.stats import t as student
 
 from harness.errors import InputError
-from harness.headlines import Headline
-from harness.measured import Case, Measured
+from harness.gate.headlines import Headline
+from harness.gate.measured import Case, Measured
 from harness.text_table import number
 from harness.toml_text import dumps
 from yade_scripts.run_folder import write

@@ -7,10 +7,10 @@ from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Any
 
-from harness.baseline import FEWEST_SEGMENTS, Baseline, differences, judged_numbers, tolerance_for
-from harness.consistency import MEANINGS
-from harness.headlines import Headline
-from harness.measured import Case, Measured
+from harness.gate.baseline import FEWEST_SEGMENTS, Baseline, differences, judged_numbers, tolerance_for
+from harness.gate.headlines import Headline
+from harness.gate.measured import Case, Measured
+from harness.reading.consistency import MEANINGS
 from harness.text_table import number
 
 SAME = 1e-6  # relative: the same tables must give the same numbers, to where a fit ends

@@ -13,10 +13,10 @@ import pandas as pd
 
 from forcechain.arrays import FloatArray, IntArray, freeze
 from forcechain.observe.snapshot import Snapshot
-from harness import snapshot_files, tables
 from harness.errors import InputError, RunError
-from harness.manifest import file_disagreement, parameter_values, read_manifest
-from harness.snapshot_files import CONTACTS_CSV, ITERATION, NPZ, PARTICLES_CSV
+from harness.reading import snapshot_files, tables
+from harness.reading.manifest import file_disagreement, parameter_values, read_manifest
+from harness.reading.snapshot_files import CONTACTS_CSV, ITERATION, NPZ, PARTICLES_CSV
 from harness.study import RUNS, STUDY_COPY, planned_in, read_study
 from yade_scripts import export_format
 from yade_scripts.export_format import HISTORY_COLUMNS, SNAPSHOT_INDEX_COLUMNS, Column

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from forcechain.observe.snapshot import Snapshot
-from harness import tables
 from harness.errors import InputError
+from harness.reading import tables
 from yade_scripts import export_format
 from yade_scripts.export_format import CONTACT_COLUMNS, PARTICLE_COLUMNS, Column
 

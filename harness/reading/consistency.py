@@ -8,7 +8,7 @@ import numpy as np
 
 from forcechain.arrays import FloatArray
 from forcechain.observe.snapshot import Snapshot
-from harness.exports import Run
+from harness.reading.exports import Run
 
 MEANINGS: Mapping[str, str] = {
     "normal_law": "normal force against stiffness times overlap, over the mean normal force",

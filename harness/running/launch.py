@@ -12,11 +12,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
-from harness.engines import Engine, Outcome, Task, ending_signals
 from harness.errors import RunError
-from harness.run_state import RunState, State, state_of, states_of_study
+from harness.running.engines import Engine, Outcome, Task, ending_signals
+from harness.running.run_state import RunState, State, state_of, states_of_study
+from harness.running.yade_environment import Yade
 from harness.study import BIAXIAL, PACKINGS, PLAN, RUNS, STUDY_COPY, PlannedRun, Study, plan_text
-from harness.yade_environment import Yade
 from yade_scripts import checkpoint, export_format, packing, parameters
 
 SCRIPTS = Path(export_format.__file__).resolve().parent

@@ -16,9 +16,9 @@ from forcechain.arrays import FloatArray
 from forcechain.calibration import CONFIDENCE, calibrate
 from forcechain.calibration_result import Calibration, Column, Estimate, Interval
 from forcechain.resampling import SegmentHistories
-from harness.analysis import Analysis
-from harness.averages import histories
-from harness.comparison import model_parameters
+from harness.analysing.analysis import Analysis
+from harness.analysing.averages import histories
+from harness.comparing.comparison import model_parameters
 from harness.errors import InputError
 from harness.toml_text import dumps
 from yade_scripts.run_folder import write

@@ -13,12 +13,12 @@ import pandas as pd
 
 import forcechain
 from forcechain.calibration_result import Column
-from harness.analysis import Analysis
-from harness.calibrations import calibrate_study
-from harness.consistency import MEANINGS, run_consistency
-from harness.exports import read_run
-from harness.headlines import Headline, headlines
-from harness.manifest import products_disagreement
+from harness.analysing.analysis import Analysis
+from harness.comparing.calibrations import calibrate_study
+from harness.gate.headlines import Headline, headlines
+from harness.reading.consistency import MEANINGS, run_consistency
+from harness.reading.exports import read_run
+from harness.reading.manifest import products_disagreement
 from harness.study import RUNS
 
 RESAMPLES = 100  # enough for a standard error; the interval of `forcechain calibrate` asks for more

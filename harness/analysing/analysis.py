@@ -14,13 +14,13 @@ import pandas as pd
 
 import forcechain
 import harness
-from harness import validity
-from harness.analysis_options import describe_options, read_options
-from harness.averages import average, class_shares
+from harness.analysing.analysis_options import describe_options, read_options
+from harness.analysing.averages import average, class_shares
+from harness.analysing.pipeline import RunAnalysis, analyse_runs, cases_of
 from harness.errors import InputError, RunError
-from harness.exports import Run, read_run, run_folders
-from harness.manifest import products_disagreement
-from harness.pipeline import RunAnalysis, analyse_runs, cases_of
+from harness.reading import validity
+from harness.reading.exports import Run, read_run, run_folders
+from harness.reading.manifest import products_disagreement
 from harness.study import STUDY_COPY, RunSettings, Study, planned_in, study_in
 from yade_scripts import export_format
 from yade_scripts.run_folder import write, write_json

@@ -1,0 +1,1 @@
+"""From the runs of a study to buckling data, kept with what they were made from."""

@@ -1,0 +1,1 @@
+"""Model against data, data against the paper: rows, tolerances, fitted parameters."""

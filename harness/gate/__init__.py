@@ -1,0 +1,1 @@
+"""The regression gate: approved numbers, and a study held against them."""

@@ -1,0 +1,1 @@
+"""What `forcechain model` reads from its command line and prints."""
