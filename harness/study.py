@@ -47,6 +47,9 @@ class RunSettings:
         retries: how often a failed run is tried again within one `forcechain run`.
         servo_bound: largest admissible departure of the confining stress from its target, as a part of it.
         unbalanced_force_bound: largest admissible mean resultant force on a disc over the mean contact force.
+        inertial_number_bound: largest admissible inertial number; below 1e-3 dense flow is quasi-static (GDR MiDi,
+            Eur. Phys. J. E 14, 2004).
+        kinetic_over_elastic_bound: largest admissible kinetic over elastic energy.
         overlap_bound: largest admissible overlap over the mean radius.
         solid_fraction_low, solid_fraction_high: admissible solid fraction of the preparation.
     """
@@ -56,6 +59,8 @@ class RunSettings:
     retries: int = 0
     servo_bound: float = 0.02
     unbalanced_force_bound: float = 0.05
+    inertial_number_bound: float = 1e-3
+    kinetic_over_elastic_bound: float = 0.05
     overlap_bound: float = 0.5
     solid_fraction_low: float = 0.83
     solid_fraction_high: float = 0.87

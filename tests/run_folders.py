@@ -97,6 +97,7 @@ def write_manifest(folder: Path, given: Mapping[str, Any] | None = None, **chang
             "unbalanced_force_max": 0.01,
             "overlap_max": 0.05,
             "inertial_number": 1e-4,
+            "kinetic_over_elastic_max": 0.01,
             "escaped_discs": 0,
             "settled": True,
         },

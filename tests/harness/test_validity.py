@@ -18,6 +18,8 @@ GOOD: dict[str, Any] = {
     "validity": {
         "servo_error_max": 0.0199,
         "unbalanced_force_max": 0.02,
+        "inertial_number": 1e-4,
+        "kinetic_over_elastic_max": 0.015,
         "overlap_max": 0.2,
         "escaped_discs": 0,
         "settled": True,
@@ -34,7 +36,7 @@ def with_figure(part: str, name: str, value: object) -> dict[str, Any]:
 
 def test_a_good_run_is_valid() -> None:
     figures = judge(GOOD, RunSettings())
-    assert len(figures) == 6
+    assert len(figures) == 8
     assert all(figure.passed for figure in figures)
     assert faults(figures) is None
 
@@ -47,6 +49,10 @@ def test_a_good_run_is_valid() -> None:
         ("validity", "servo_error_max", None, "is not told"),
         ("validity", "servo_error_max", "small", "is not told"),
         ("validity", "unbalanced_force_max", 0.06, "is 0.06, expected at most 0.05"),
+        ("validity", "inertial_number", 0.0011, "is 0.0011, expected at most 0.001"),
+        ("validity", "inertial_number", None, "is not told"),
+        ("validity", "kinetic_over_elastic_max", 0.051, "is 0.051, expected at most 0.05"),
+        ("validity", "kinetic_over_elastic_max", None, "is not told"),
         ("validity", "overlap_max", 0.6, "is 0.6, expected at most 0.5"),
         ("validity", "overlap_max", float("inf"), "is inf, expected at most 0.5"),
         ("validity", "escaped_discs", 1, "is 1, expected at most 0"),
@@ -67,6 +73,10 @@ def test_each_figure_alone_makes_a_run_invalid(part: str, name: str, value: obje
 def test_the_study_sets_the_bounds() -> None:
     assert faults(judge(with_figure("validity", "servo_error_max", 0.04), RunSettings(servo_bound=0.05))) is None
     assert faults(judge(GOOD, RunSettings(servo_bound=0.01))) is not None
+    fast = with_figure("validity", "inertial_number", 2e-3)
+    assert faults(judge(fast, RunSettings(inertial_number_bound=5e-3))) is None
+    shaken = with_figure("validity", "kinetic_over_elastic_max", 0.1)
+    assert faults(judge(shaken, RunSettings(kinetic_over_elastic_bound=0.2))) is None
 
 
 def test_a_script_of_the_users_own_is_judged_by_what_it_tells() -> None:
