@@ -8,10 +8,18 @@ import numpy as np
 import pytest
 
 from forcechain.arrays import FloatArray
-from forcechain.bounded_fit import fit_many
-from forcechain.calibration import CALIBRATED, Calibration, Column, Estimate, Identified, calibrate
-from forcechain.column_fit import ColumnFit
-from forcechain.resampling import MEASURES, SegmentHistories
+from forcechain.calibration import (
+    CALIBRATED,
+    MEASURES,
+    Calibration,
+    Column,
+    Estimate,
+    Identified,
+    SegmentHistories,
+    calibrate,
+)
+from forcechain.calibration.bounded_fit import fit_many
+from forcechain.calibration.column_fit import ColumnFit
 from forcechain.theory.classes import overlap_margin
 from forcechain.theory.parameters import TABLE_3, ChainParameters
 from forcechain.theory.three_particle import loading

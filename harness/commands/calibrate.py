@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from forcechain.calibration_result import Calibration, Column, Estimate, Identified
+from forcechain.calibration import Calibration, Column, Estimate, Identified
 from harness.analysing.analysis import analyse
 from harness.commands.analyse import tell_left_out
 from harness.comparing.calibrations import as_plain, calibrate_study, write_parameters

@@ -13,9 +13,7 @@ import pandas as pd
 
 import forcechain
 from forcechain.arrays import FloatArray
-from forcechain.calibration import CONFIDENCE, calibrate
-from forcechain.calibration_result import Calibration, Column, Estimate, Interval
-from forcechain.resampling import SegmentHistories
+from forcechain.calibration import CONFIDENCE, Calibration, Column, Estimate, Interval, SegmentHistories, calibrate
 from harness.analysing.analysis import Analysis
 from harness.analysing.averages import histories
 from harness.comparing.comparison import model_parameters

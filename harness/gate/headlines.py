@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from forcechain.arrays import FloatArray
-from forcechain.calibration_result import Calibration, Identified
+from forcechain.calibration import Calibration, Identified
 from harness.analysing.analysis import Analysis
 from harness.analysing.averages import histories
 

@@ -12,7 +12,7 @@ from typing import Any
 import pandas as pd
 
 import forcechain
-from forcechain.calibration_result import Column
+from forcechain.calibration import Column
 from harness.analysing.analysis import Analysis
 from harness.comparing.calibrations import calibrate_study
 from harness.gate.headlines import Headline, headlines

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from buckling_study import LATERAL, RADIUS, STIFFNESS, write_buckling_study
 
-from forcechain.calibration_result import Column
+from forcechain.calibration import Column
 from forcechain.theory.parameters import TABLE_3
 from forcechain.theory.three_particle import loading
 from harness.analysing.analysis import Analysis, analyse

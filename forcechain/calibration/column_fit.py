@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from forcechain.arrays import BoolArray, FloatArray, freeze
-from forcechain.resampling import Means
+from forcechain.calibration.resampling import Means
 from forcechain.theory.parameters import ChainParameters
 from forcechain.theory.three_particle import loading
 
