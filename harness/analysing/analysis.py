@@ -17,6 +17,7 @@ import harness
 from harness.analysing.analysis_options import describe_options, read_options
 from harness.analysing.averages import average, class_shares
 from harness.analysing.pipeline import RunAnalysis, analyse_runs, cases_of
+from harness.analysing.reduced import is_reduced, read_reduced, write_reduced
 from harness.errors import InputError, RunError
 from harness.reading import validity
 from harness.reading.exports import Run, read_run, run_folders
@@ -123,7 +124,8 @@ def missing_runs(study: Study | None, directory: Path) -> dict[str, str]:
 def analyse(directory: Path, *, jobs: int | None = None) -> Analysis:
     """Analyse the study or run in `directory`, or read the analysis back if nothing it was made from has changed.
 
-    Raises InputError for input that cannot be used, RunError when no run is left to analyse.
+    Reduced results are read as they are. Raises InputError for input that cannot be used, RunError when no run is left
+    to analyse.
     """
     study = study_in(directory)
     settings = study.run if study is not None else RunSettings()
@@ -133,9 +135,11 @@ def analyse(directory: Path, *, jobs: int | None = None) -> Analysis:
     if not runs:
         raise RunError(f"{directory}: no complete and valid run to analyse: " + "; ".join(left_out.values()))
     described = describe_options(options) | _given(intervals)
-    source = _source(runs, described)
     name = study.name if study is not None else directory.resolve().name
     folder = directory / FOLDER
+    if is_reduced(directory):
+        return _reduced(directory, name, {key: described[key] for key in (study.analysis if study else {})}, left_out)
+    source = _source(runs, described)
     if _stored_source(folder) == source:
         return _read(directory, name, described, left_out)
     for run in runs:
@@ -151,6 +155,32 @@ def analyse(directory: Path, *, jobs: int | None = None) -> Analysis:
     write_json(folder, OPTIONS, {"options": described, "package_version": forcechain.__version__, "source": source})
     return Analysis(
         directory=directory, name=name, options=described, **tables, ledger=ledger, left_out=left_out, reused=False
+    )
+
+
+def reduce(analysis: Analysis, target: Path) -> Path:
+    """Write the reduced results of a whole study to `target` and return it; errors as `write_reduced`."""
+    source = {"package_version": forcechain.__version__, "code": _code_digest()}
+    return write_reduced(analysis, TABLES, source, target)
+
+
+def _reduced(directory: Path, name: str, asked: Mapping[str, Any], left_out: Mapping[str, str]) -> Analysis:
+    """Read reduced results; InputError where the study asks for another analysis than the one that was kept."""
+    tables, ledger, described = read_reduced(directory, FOLDER, TABLES)
+    other = [
+        f"{option} {described.get(option, {}).get('value')}, asked for {entry['value']}"
+        for option, entry in asked.items()
+        if described.get(option, {}).get("value") != entry["value"]
+    ]
+    if left_out:
+        other += [f"without {run}" for run in left_out]
+    if other:
+        raise InputError(
+            f"{directory}: these reduced results were made with {'; '.join(other)}, and cannot be analysed anew; "
+            f"restore {STUDY_COPY}, or run it for whole results"
+        )
+    return Analysis(
+        directory=directory, name=name, options=described, **tables, ledger=ledger, left_out=left_out, reused=True
     )
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,8 +15,8 @@ from harness.analysing.analysis import Analysis
 from harness.comparing.calibrations import calibrate_study
 from harness.gate.headlines import Headline, headlines
 from harness.reading.consistency import MEANINGS, run_consistency
-from harness.reading.exports import read_run
-from harness.reading.manifest import products_disagreement
+from harness.reading.exports import Run, read_run
+from harness.reading.manifest import DIGITS, REDUCED, products_disagreement, tables_digest
 from harness.study import RUNS
 
 RESAMPLES = 100  # enough for a standard error; the interval of `forcechain calibrate` asks for more
@@ -30,7 +28,6 @@ CONTACTS = (  # of the tables themselves, whatever a parameter file says
     "friction",
     "rolling_friction",
 )
-DIGITS = 16  # of a hash: enough to tell versions apart, and to read
 Plain = bool | int | float | str
 
 
@@ -89,13 +86,13 @@ def measure(analysis: Analysis, reference: Mapping[str, float]) -> Measured:
                 if difference is not None:
                     broken[run.name] = difference
                     continue
-                tables[run.name] = _digest(run.manifest)
+                tables[run.name] = tables_digest(run.manifest)
                 provenance = run.manifest.get("provenance", {})
                 for key, told in (("yade", "yade_version"), ("script", "script_hash")):
                     if told in provenance:
                         versions[key].add(str(provenance[told])[:DIGITS])
             parameters |= {key: value for key, value in run.parameters.items() if key != "seed"}
-            for figure, value in run_consistency(run).items():
+            for figure, value in _consistency(run).items():
                 consistency[figure] = max(consistency[figure], value)
         cases.append(
             Case(
@@ -128,7 +125,9 @@ def _folder(directory: Path, run: str) -> Path:
     return parent / run
 
 
-def _digest(manifest: Mapping[str, Any]) -> str:
-    """Digest of a run's tables: of their checksums, which its manifest holds."""
-    files = {name: entry.get("sha256") for name, entry in manifest["products"]["files"].items()}
-    return hashlib.sha256(json.dumps(files, sort_keys=True).encode()).hexdigest()[:DIGITS]
+def _consistency(run: Run) -> Mapping[str, float]:
+    """Figures of a run's tables; of reduced results, those taken when the tables were whole."""
+    if run.manifest is not None and REDUCED in run.manifest:
+        kept = run.manifest[REDUCED].get("consistency", {})
+        return {figure: float(kept[figure]) for figure in MEANINGS if figure in kept}
+    return run_consistency(run)

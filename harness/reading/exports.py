@@ -15,7 +15,7 @@ from forcechain.arrays import FloatArray, IntArray, freeze
 from forcechain.observe.snapshot import Snapshot
 from harness.errors import InputError, RunError
 from harness.reading import snapshot_files, tables
-from harness.reading.manifest import file_disagreement, parameter_values, read_manifest
+from harness.reading.manifest import REDUCED, file_disagreement, parameter_values, read_manifest
 from harness.reading.snapshot_files import CONTACTS_CSV, ITERATION, NPZ, PARTICLES_CSV
 from harness.study import RUNS, STUDY_COPY, planned_in, read_study
 from yade_scripts import export_format
@@ -58,6 +58,15 @@ class Run:
         """Number of snapshots."""
         return len(self.snapshot_index)
 
+    @property
+    def reduced(self) -> bool:
+        """Whether the folder keeps only some of the run's files."""
+        return self.manifest is not None and REDUCED in self.manifest
+
+    def has_snapshot(self, row: int) -> bool:
+        """Whether the snapshot of row `row` is there: always, but for reduced results."""
+        return snapshot_files.find_file(self.folder, int(self.snapshot_index[row])) is not None
+
     def snapshot(self, row: int) -> Snapshot:
         """Return the snapshot of row `row` of the index (not its number: rows count from 0 without gaps).
 
@@ -70,6 +79,11 @@ class Run:
         index = int(self.snapshot_index[row])
         where = f"run {self.name}"
         path = snapshot_files.find_file(self.folder, index)
+        if path is None and self.reduced:
+            raise InputError(
+                f"{where}: snapshot {index} is not part of these reduced results; "
+                f"run their study for it: forcechain run {STUDY_COPY}"
+            )
         if path is None:
             stem = export_format.snapshot_name(index)
             raise InputError(

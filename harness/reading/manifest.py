@@ -10,7 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from harness.errors import InputError
+from harness.reading.stored import read_stored, stored
 from yade_scripts import export_format
+
+REDUCED = "reduced"  # entry of a manifest whose folder keeps some of the run's files: what the others amounted to
+DIGITS = 16  # of a hash: enough to tell versions apart, and to read
 
 
 def _no_number(text: str) -> float:
@@ -67,6 +71,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
             f"{export_format.STATUS_FAILED!r}, found {status!r}"
         )
     _expect(manifest, "parameters", dict, where)
+    if REDUCED in manifest:
+        _expect(manifest, REDUCED, dict, where)
     if status == export_format.STATUS_DONE:
         products = _expect(manifest, "products", dict, where)
         for name, entry in _expect(products, "files", dict, where).items():
@@ -96,7 +102,7 @@ def file_disagreement(folder: Path, name: str, entry: Mapping[str, Any], content
     if not _inside(folder, name):
         return f"{name} lies outside the run's folder"
     try:
-        found = (folder / name).read_bytes() if content is None else content
+        found = read_stored(folder / name) if content is None else content
     except FileNotFoundError:
         return f"{name} is missing"
     except OSError as error:
@@ -113,7 +119,7 @@ def products_disagreement(folder: Path, manifest: Mapping[str, Any], *, thorough
 
     Their sizes are compared, and, if `thorough`, their checksums, for which every file has to be read.
     A run that vouches for no snapshot, or for one that is not among its files, disagrees as well: it would be complete
-    with nothing to show.
+    with nothing to show; only a reduced one says openly that its snapshots are left out.
     """
     products = manifest["products"]
     files = products["files"]
@@ -121,7 +127,7 @@ def products_disagreement(folder: Path, manifest: Mapping[str, Any], *, thorough
         return "its manifest names no snapshot"
     if export_format.HISTORY not in files:
         return f"its manifest does not vouch for {export_format.HISTORY}"
-    for row in products["snapshots"]:
+    for row in products["snapshots"] if REDUCED not in manifest else ():
         index = row.get("index") if isinstance(row, dict) else None
         if not isinstance(index, int) or isinstance(index, bool):
             return f"its manifest has a snapshot without an index: {row!r}"
@@ -136,7 +142,17 @@ def products_disagreement(folder: Path, manifest: Mapping[str, Any], *, thorough
     return None
 
 
+def tables_digest(manifest: Mapping[str, Any]) -> str:
+    """Digest of a done run's tables: of the checksums its manifest holds; of a reduced run, that of the whole one."""
+    if REDUCED in manifest:
+        return str(manifest[REDUCED].get("tables"))
+    files = {name: entry.get("sha256") for name, entry in manifest["products"]["files"].items()}
+    return hashlib.sha256(json.dumps(files, sort_keys=True).encode()).hexdigest()[:DIGITS]
+
+
 def _size_disagreement(folder: Path, name: str, entry: Mapping[str, Any]) -> str | None:
+    if stored(folder / name) != folder / name:
+        return file_disagreement(folder, name, entry)  # packed: its size says nothing
     try:
         size = (folder / name).stat().st_size
     except OSError:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from forcechain.arrays import float_array, int_array
 from harness.errors import InputError
+from harness.reading.stored import read_stored
 from yade_scripts.export_format import Column
 
 Table = dict[str, NDArray[Any]]
@@ -26,7 +27,7 @@ LARGEST_ARCHIVE = 16 * 2**30  # bytes unpacked: forty times a million discs; mor
 def read_bytes(path: Path, where: str) -> bytes:
     """Return the content of `path`; InputError when it cannot be read."""
     try:
-        return path.read_bytes()
+        return read_stored(path)
     except FileNotFoundError:
         raise InputError(f"{where}: no such file: {path}") from None
     except OSError as error:

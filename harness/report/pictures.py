@@ -4,29 +4,34 @@ from __future__ import annotations
 
 import base64
 import io
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import matplotlib.pyplot as plt
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from PIL import Image
 
 from forcechain.arrays import BoolArray, IntArray
-from forcechain.observe.filters import potential_energy
+from forcechain.observe.chains import find_chains
 from forcechain.observe.snapshot import Snapshot
 from harness.analysing.analysis import Analysis
 from harness.comparing.comparison import ModelCurves
+from harness.errors import InputError
 from harness.figures.buckling import plot_buckling, plot_force
 from harness.figures.macroscopic import plot_stress_ratio, plot_volume_change
 from harness.figures.packing import plot_discs, plot_filters, plot_forces, plot_segments
-from harness.figures.style import style
+from harness.figures.style import look, style
 from harness.reading.exports import Run
+from harness.report.scenes import Scene, of_drop, options_of
 from harness.text_table import number
 
 MOST_LINES = 6  # runs of one figure
-VECTOR_LIMIT = 1500  # discs; above, a picture of the packing is a bitmap, or it would weigh tens of megabytes
+COLOURS = 64  # of a bitmap on the page: a third of the bytes, no difference to the eye
+MM_AN_INCH = 25.4
+LONG_DECIMALS = re.compile(rb"(\.\d\d)\d+")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +43,7 @@ class Picture:
         caption, alternative: words below it, and instead of it.
         size: width and height [inch].
         draw: draws on an empty figure.
-        kind: "svg", or "png" where lines would be too many.
+        kind: on the page: "svg", or "png" where lines would be too many.
     """
 
     name: str
@@ -48,88 +53,59 @@ class Picture:
     draw: Callable[[Figure], None]
     kind: str = "svg"
 
-    def render(self, kind: str) -> bytes:
-        """Return the figure as a file of `kind` ("svg", "png" or "pdf"), the same bytes each time."""
+    def render(self, kind: str, *, dark: bool = False, width_mm: float | None = None, dpi: float = 150.0) -> bytes:
+        """Return the figure as a file of `kind` ("svg", "png" or "pdf"), the same bytes each time.
+
+        `width_mm` changes its size, not that of its letters; `dpi` is that of a PNG.
+        """
         buffer = io.BytesIO()
         metadata: Mapping[str, dict[str, None]] = {
             "svg": {"Date": None, "Creator": None},
             "png": {"Software": None},
             "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
         }
-        with style():
-            figure = plt.figure(figsize=self.size)
+        factor = 1.0 if width_mm is None else width_mm / MM_AN_INCH / self.size[0]
+        with style(dark=dark):
+            figure = plt.figure(figsize=(factor * self.size[0], factor * self.size[1]))
             try:
                 self.draw(figure)
-                figure.savefig(buffer, format=kind, metadata=metadata[kind])
+                figure.savefig(buffer, format=kind, metadata=metadata[kind], dpi=dpi)
             finally:
                 plt.close(figure)
         return buffer.getvalue()
 
-    @property
-    def uri(self) -> str:
-        """The figure as a data URI."""
-        media = {"svg": "image/svg+xml", "png": "image/png"}[self.kind]
-        return f"data:{media};base64,{base64.b64encode(self.render(self.kind)).decode()}"
+    def uri(self, *, dark: bool = False) -> str:
+        """Return the figure as a data URI for the page, as light as can be without a visible loss."""
+        if self.kind == "svg":
+            media, content = "image/svg+xml", _short_paths(self.render("svg", dark=dark))
+        else:
+            media, content = "image/png", _few_colours(self.render("png", dark=dark, dpi=125))
+        return f"data:{media};base64,{base64.b64encode(content).decode()}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Scene:
-    """The packing at the start of one drop, with what the analysis found in it."""
-
-    where: str
-    counts: str
-    start: Snapshot
-    in_chain: BoolArray
-    lost_energy: BoolArray
-    segments: IntArray
-    classes: IntArray
-
-    @property
-    def aspect(self) -> float:
-        """Height over width."""
-        width, height = np.ptp(self.start.position, axis=0)
-        return float(height / width)
-
-    @property
-    def kind(self) -> str:
-        """File format for a picture of every disc."""
-        return "png" if self.start.n_particles > VECTOR_LIMIT else "svg"
-
-    def draw_network(self, ax: Axes) -> None:
-        """Discs of chains, buckled segments and contact forces."""
-        plot_discs(self.start, ax=ax, members=self.in_chain, colour="#BBD7EA")
-        plot_segments(self.start, self.segments, self.classes, ax=ax)
-        plot_forces(self.start, ax=ax)
+def _short_paths(svg: bytes) -> bytes:
+    """SVG whose outlines have two decimals, a hundredth of a point."""
+    return re.sub(rb' d="[^"]*"', lambda outline: LONG_DECIMALS.sub(rb"\1", outline[0]), svg)
 
 
-def busiest_drop(case: str, analysis: Analysis, runs: Mapping[str, Run]) -> Scene | None:
-    """Return the drop of a case with the most buckled segments; None if it has no drop."""
-    counted = [record for record in analysis.ledger if record["case"] == case]
-    if not counted:
-        return None
-    record = max(counted, key=lambda entry: entry["buckled_segments"])
-    name, drop = record["run"], record["drop"]
+def _few_colours(png: bytes) -> bytes:
+    buffer = io.BytesIO()
+    with Image.open(io.BytesIO(png)) as image:
+        few = image.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+        few.save(buffer, "PNG", optimize=True)
+    return buffer.getvalue()
 
-    def of_drop(table: pd.DataFrame) -> pd.DataFrame:
-        chosen: pd.DataFrame = table[(table["run"] == name) & (table["drop"] == drop)]
-        return chosen
 
-    row = of_drop(analysis.drops).iloc[0]
-    start, end = (runs[name].snapshot(int(row[which])) for which in ("first_snapshot", "last_snapshot"))
-    yielding = of_drop(analysis.yielding)
-    in_chain = np.zeros(start.n_particles, dtype=np.bool_)
-    in_chain[of_drop(analysis.members)["particle"].to_numpy(dtype=np.int64)] = True
-    terms = analysis.options["energy_terms"]["value"]
-    return Scene(
-        where=f"{case}, {name}, drop {drop}, axial strain {start.axial_strain:.4f} to {end.axial_strain:.4f}",
-        counts=f"{record['in_chains']} of {record['particles']} discs are in force chains, {record['lost_energy']} of "
-        f"them lost potential energy, {record['buckled_segments']} three-particle segments buckled.",
-        start=start,
-        in_chain=in_chain,
-        lost_energy=potential_energy(end, terms) < potential_energy(start, terms),
-        segments=yielding[["particle_1", "particle_2", "particle_3"]].to_numpy(dtype=np.int64),
-        classes=yielding["buckling_class"].to_numpy(dtype=np.int64),
-    )
+def draw_network(snapshot: Snapshot, in_chain: BoolArray, segments: IntArray, classes: IntArray, ax: Axes) -> None:
+    """Discs, those of chains pale; buckled segments; contact forces."""
+    plot_discs(snapshot, ax=ax, members=in_chain, colour=look().chain)
+    plot_segments(snapshot, segments, classes, ax=ax)
+    plot_forces(snapshot, ax=ax)
+
+
+def draw_scene(scene: Scene, ax: Axes) -> None:
+    """The network at the start of a drop."""
+    draw_network(scene.start, scene.in_chain, scene.segments, scene.classes, ax)
 
 
 def behaviour_picture(case: str, analysis: Analysis, runs: Mapping[str, Run]) -> Picture:
@@ -181,7 +157,7 @@ def packing_pictures(case: str, analysis: Analysis, scene: Scene) -> list[Pictur
 
     def draw_forces(figure: Figure) -> None:
         ax = figure.subplots()
-        scene.draw_network(ax)
+        draw_scene(scene, ax)
         legend(figure, ax)
 
     return [
@@ -191,16 +167,16 @@ def packing_pictures(case: str, analysis: Analysis, scene: Scene) -> list[Pictur
             alternative=f"Three pictures of the packing. {scene.counts}",
             size=(11, 3.2 * scene.aspect + 1.0),
             draw=draw_filters,
-            kind=scene.kind,
+            kind="png",
         ),
         Picture(
             name=f"forces-{place}",
             caption=f"{scene.where}, at its start: contact forces as lines, as wide as the force is large; discs of "
-            "force chains in pale blue; buckled segments in the colour of their class.",
+            "force chains in blue; buckled segments in the colour of their class.",
             alternative=f"Contact-force network with force chains and buckled segments marked. {scene.counts}",
             size=(7.5, 6.9 * scene.aspect + 0.8),
             draw=draw_forces,
-            kind=scene.kind,
+            kind="png",
         ),
     ]
 
@@ -211,8 +187,8 @@ def summary_picture(case: str, analysis: Analysis, scene: Scene, model: ModelCur
 
     def draw(figure: Figure) -> None:
         left, right = figure.subplots(1, 2, width_ratios=(1.05, 1))
-        scene.draw_network(left)
-        left.set_title("force chains (pale blue) and segments that buckle")
+        draw_scene(scene, left)
+        left.set_title("force chains (blue) and segments that buckle")
         plot_force(averages, model.parameters, ax=right, name="simulations, 2 s.e.")
         right.set_title("axial force while the chains buckle")
         right.set_ylim(top=1.3 * right.get_ylim()[1])  # room for the legend above the error bars
@@ -228,7 +204,7 @@ def summary_picture(case: str, analysis: Analysis, scene: Scene, model: ModelCur
         f"angle, model and data. {scene.counts}",
         size=(10.5, 5.0 * scene.aspect + 0.9),
         draw=draw,
-        kind=scene.kind,
+        kind="png",
     )
 
 
@@ -258,4 +234,45 @@ def buckling_picture(case: str, analysis: Analysis, model: ModelCurves) -> Pictu
         alternative=told,
         size=(10, 6),
         draw=draw,
+    )
+
+
+def network_picture(analysis: Analysis, run: Run, strain: float) -> Picture:
+    """The network of one run at the snapshot nearest to an axial strain: its chains then, and what buckles in a drop.
+
+    Within a drop the segments that buckle in it are coloured; elsewhere there are none. InputError for a strain the
+    run does not reach.
+    """
+    low, high = float(run.axial_strain[0]), float(run.axial_strain[-1])
+    if not low <= strain <= high:
+        raise InputError(f"run {run.name}: expected an axial strain from {low:g} to {high:g}, found {strain:g}")
+    snapshot = run.snapshot(int(np.abs(run.axial_strain - strain).argmin()))
+    drops = analysis.drops[analysis.drops["run"] == run.name]
+    around = drops[(drops["start"] <= strain) & (strain <= drops["end"])]
+    segments, classes = np.zeros((0, 3), dtype=np.int64), np.zeros(0, dtype=np.int64)
+    if len(around):
+        yielding = of_drop(analysis.yielding, run.name, int(around["drop"].iloc[0]))
+        if len(yielding):
+            segments = yielding[["particle_1", "particle_2", "particle_3"]].to_numpy(dtype=np.int64)
+            classes = yielding["buckling_class"].to_numpy(dtype=np.int64)
+    in_chain = find_chains(snapshot, options_of(analysis)).in_chain
+    width, height = np.ptp(snapshot.position, axis=0)
+
+    def draw(figure: Figure) -> None:
+        ax = figure.subplots()
+        draw_network(snapshot, in_chain, segments, classes, ax)
+        ax.set_title(f"axial strain {snapshot.axial_strain:.4f}")
+        if len(segments):
+            figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+
+    told = (
+        f"{run.name}, axial strain {snapshot.axial_strain:.4f}: {int(in_chain.sum())} of {len(in_chain)} discs are in "
+    )
+    return Picture(
+        name=f"network-{run.name}-{snapshot.axial_strain:.4f}",
+        caption=told + "force chains.",
+        alternative=told + "force chains.",
+        size=(7.5, 6.9 * float(height / width) + 0.8),
+        draw=draw,
+        kind="png",
     )
