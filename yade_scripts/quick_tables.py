@@ -8,8 +8,7 @@ left to read are the tangential force and the moment. `export.tables` gives the 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -20,25 +19,38 @@ try:
 except ImportError:
     yade = None
 
+# Among position, velocity, angular velocity (three numbers each) and orientation (four).
+STATE_PLACES = (0, 1, 3, 4, 8, 11, 12)
 
-def particle_table(radii: np.ndarray, states: Sequence[Any], previous_rotation: np.ndarray | None) -> export.Table:
-    """Particle table of discs with radii (n,) [m] and these states in YADE; see `export.particle_table`."""
+
+def particle_table(radii: np.ndarray, previous_rotation: np.ndarray | None) -> export.Table:
+    """Particle table of the discs of radii (n,) [m] that are bodies 0 to n-1; see `export.particle_table`."""
     count = len(radii)
-    rows = []
-    for state in states:
-        velocity, turn = state.vel, state.ori
-        rows.append((velocity[0], velocity[1], state.angVel[2], turn[2], turn[3]))
-    vx, vy, spin, sine, cosine = np.array(rows).reshape(count, 5).T.copy()
+    x, y, vx, vy, spin, sine, cosine = _states(count)
     return {
         "id": np.arange(count),
         "radius": radii.copy(),
-        "x": np.array(yade.utils.coordsAndDisplacements(0)[0][:count]),
-        "y": np.array(yade.utils.coordsAndDisplacements(1)[0][:count]),
+        "x": x,
+        "y": y,
         "rotation": export.unwrapped(2 * np.arctan2(sine, cosine), previous_rotation),
         "vx": vx,
         "vy": vy,
         "spin": spin,
     }
+
+
+def _states(count: int) -> np.ndarray:
+    """(7, count) position, velocity, spin, and sine and cosine of half the rotation, of bodies 0 to count-1."""
+    if hasattr(yade, "Subdomain"):  # what YADE sends from one MPI process to another: all numbers in one call
+        numbers = yade.Subdomain().getStateValuesFromIds(list(range(count)))
+        values = np.fromiter(numbers, np.float64, 13 * count).reshape(count, 13)
+        return values[:, STATE_PLACES].T.copy()
+    rows = []
+    for body in range(count):
+        state = yade.O.bodies[body].state
+        position, velocity, turn = state.pos, state.vel, state.ori
+        rows.append((position[0], position[1], velocity[0], velocity[1], state.angVel[2], turn[2], turn[3]))
+    return np.array(rows, dtype=np.float64).reshape(count, 7).T.copy()
 
 
 def contact_table(
@@ -50,7 +62,8 @@ def contact_table(
     """
     count = len(particles["id"])
     moments = rules.bears_moment
-    rows, at_walls = [], []
+    numbers: list[float] = []
+    at_walls, add = [], numbers.extend
     for interaction in yade.O.interactions:
         one, other = interaction.id1, interaction.id2
         if one >= count or other >= count:
@@ -58,9 +71,9 @@ def contact_table(
             continue
         physics = interaction.phys
         shear = physics.shearForce
-        rows.append((one, other, shear[0], shear[1], physics.moment_bending[2] if moments else 0.0))
-    values = np.array(rows, dtype=np.float64).reshape(len(rows), 5)
-    one, other = values[:, 0].astype(np.int64), values[:, 1].astype(np.int64)
+        add((one, other, shear[0], shear[1], physics.moment_bending[2] if moments else 0.0))
+    values = np.fromiter(numbers, np.float64, len(numbers)).reshape(-1, 5).T.copy()
+    one, other = values[0].astype(np.int64), values[1].astype(np.int64)
     radius, x, y = particles["radius"], particles["x"], particles["y"]
     branch_x, branch_y = x[other] - x[one], y[other] - y[one]
     distance = np.hypot(branch_x, branch_y)
@@ -68,7 +81,7 @@ def contact_table(
     overlap = radius[one] + radius[other] - distance
     arm = radius[one] - overlap / 2
     smaller = np.minimum(radius[one], radius[other])
-    squared = radius[one] * radius[other] if mean_radius is None else np.full(len(rows), mean_radius**2)
+    squared = radius[one] * radius[other] if mean_radius is None else np.full(len(one), mean_radius**2)
     between = {
         "id1": one,
         "id2": other,
@@ -78,12 +91,12 @@ def contact_table(
         "ny": ny,
         "overlap": overlap,
         "fn": rules.normal_stiffness * overlap,
-        "ft": values[:, 3] * nx - values[:, 2] * ny,
-        "moment": values[:, 4],
-        "kn": np.full(len(rows), rules.normal_stiffness),
-        "kt": np.full(len(rows), rules.normal_stiffness * rules.tangential_stiffness_ratio),
+        "ft": values[3] * nx - values[2] * ny,
+        "moment": values[4],
+        "kn": np.full(len(one), rules.normal_stiffness),
+        "kt": np.full(len(one), rules.normal_stiffness * rules.tangential_stiffness_ratio),
         "kr": rules.normal_stiffness * rules.rolling_stiffness_ratio * squared * moments,
-        "friction": np.full(len(rows), math.tan(math.atan(rules.friction))),  # as YADE keeps it
+        "friction": np.full(len(one), math.tan(math.atan(rules.friction))),  # as YADE keeps it
         "rolling_limit": rules.rolling_friction * smaller * moments,
     }
     with_walls = export.contact_table({**{number: number for number in range(count)}, **walls}, at_walls)

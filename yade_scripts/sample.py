@@ -22,7 +22,6 @@ class Sample:
     Attributes:
         count: number of discs.
         radii: (count,) [m].
-        states: of the discs in YADE.
         mean_radius: [m].
         disc_area: sum of the discs' areas [m^2].
         masses: (count,) [kg].
@@ -55,7 +54,6 @@ class Sample:
                 walls.release(self.walls, wall, self.wall_mass)
         else:
             self.walls = walls.walls_after(self.count, largest)
-        self.states = [yade.O.bodies[number].state for number in range(self.count)]
 
     @property
     def wall_mass(self) -> float:
@@ -113,7 +111,7 @@ class Sample:
             "coordination": packing.coordination(self.walls, self.count),
             "unbalanced_force": unbalanced,
             "kinetic_energy": kinetic,
-            "elastic_energy": materials.elastic_energy(),
+            "elastic_energy": materials.elastic_energy(self.rules, self.walls.numbers),
             "servo_error": servo_error,
             "time": yade.O.time,
             "iteration": yade.O.iter,
@@ -121,7 +119,7 @@ class Sample:
 
     def tables(self, previous_rotation: np.ndarray | None) -> tuple[export.Table, export.Table]:
         """Particle table and contact table; `previous_rotation`: (count,) of the last snapshot [rad]."""
-        particles = quick_tables.particle_table(self.radii, self.states, previous_rotation)
+        particles = quick_tables.particle_table(self.radii, previous_rotation)
         mean_radius = self.mean_radius if self.values["rolling_stiffness_radius"] == "mean" else None
         return particles, quick_tables.contact_table(particles, self.walls.numbers, self.rules, mean_radius)
 

@@ -33,5 +33,7 @@ export.write_snapshot(sys.argv[3], 0, sample.axial_strain(), sample.walls.number
 tensors = np.array([[list(row) for row in tensor] for tensor in yade.utils.bodyStressTensors()[: sample.count]])
 quick = sample.tables(None)
 export.write_tables(Path(sys.argv[3]) / "quick", 0, sample.axial_strain(), *quick)
+vars(yade).pop("Subdomain", None)  # as in a YADE that was built without MPI
+export.write_tables(Path(sys.argv[3]) / "plain", 0, sample.axial_strain(), *sample.tables(None))
 volumes = 4 / 3 * math.pi * start.radii**3  # YADE divides by a sphere's volume
 np.save(Path(sys.argv[3]) / "tensors.npy", tensors[:, :2, :2] * volumes[:, None, None])
