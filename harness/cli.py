@@ -7,9 +7,14 @@ import importlib
 import keyword
 import os
 import pkgutil
+import re
 import sys
+import textwrap
 from collections.abc import Callable, Sequence
-from typing import Protocol, cast
+from pathlib import Path
+from typing import Any, Protocol, cast
+
+import shtab
 
 import forcechain
 from harness import commands
@@ -18,6 +23,7 @@ from harness.errors import EXIT_INPUT, HarnessError, Terminated
 ORDER = (
     "doctor",
     "demo",
+    "studies",
     "run",
     "status",
     "analyse",
@@ -34,7 +40,12 @@ EXIT_INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 DESCRIPTION = (
     "Do force chains buckle as the theory says? Tests in YADE, buckled segments, the analytic model, compared."
 )
-EXITS = "exit status: 0 good, 1 a verdict failed, 2 bad input or usage, 3 a run is invalid, failed or missing"
+EXITS = (
+    "exit status: 0 good, 1 a verdict failed, 2 bad input or usage,\n             3 a run is invalid, failed or missing"
+)
+VERSION = "--version"
+WIDTH = 78  # characters of a line of help
+LONGEST_USAGE = 3  # lines; the options are listed below it anyway
 
 
 class Command(Protocol):
@@ -68,27 +79,68 @@ class _Version(argparse.Action):
         parser.exit()
 
 
+class HelpFormatter(argparse.RawDescriptionHelpFormatter):
+    """Help that fits a screen: where the usage takes many lines, "[options]" stands for those listed below it."""
+
+    def _format_usage(self, usage: Any, actions: Any, groups: Any, prefix: Any) -> str:
+        told = super()._format_usage(usage, actions, groups, prefix)
+        if len(told.strip().splitlines()) <= LONGEST_USAGE:
+            return told
+        must = [action for action in actions if action.required or not action.option_strings]
+        short = " ".join(["%(prog)s [options]", *map(_in_usage, must)])
+        return super()._format_usage(short, actions, groups, prefix)
+
+
+def _in_usage(action: argparse.Action) -> str:
+    value = str(action.metavar or "{" + ",".join(map(str, action.choices or ())) + "}")
+    return f"{action.option_strings[0]} {value}" if action.option_strings else value
+
+
+def _example(command: str) -> str:
+    """Return `command` in lines that fit a screen and can be cut and pasted as they are."""
+    lines = textwrap.wrap(
+        f"example: {command}", WIDTH - 2, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False
+    )
+    return " \\\n".join(lines)
+
+
+def _complete_paths(parser: argparse.ArgumentParser) -> None:
+    """Tell the shell's completion which arguments are files or folders."""
+    for action in parser._actions:
+        if action.type is Path:
+            folder = any(word in str(action.metavar) for word in ("DIR", "FOLDER", "SOURCE"))
+            action.complete = shtab.DIRECTORY if folder else shtab.FILE  # type: ignore[attr-defined]
+
+
 def build_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
     """Return the parser for `arguments`: every command by name, but only the one in use (or all, for help) loaded."""
     names = command_names()
-    parser = argparse.ArgumentParser(prog="forcechain", description=DESCRIPTION, epilog=EXITS, allow_abbrev=False)
-    parser.add_argument("--version", action=_Version, nargs=0, help="versions of this package and of YADE, and exit")
+    parser = argparse.ArgumentParser(
+        prog="forcechain",
+        description=textwrap.fill(DESCRIPTION, WIDTH),
+        epilog=EXITS,
+        formatter_class=lambda prog: HelpFormatter(prog, max_help_position=15),
+        allow_abbrev=False,
+    )
+    parser.add_argument(VERSION, action=_Version, nargs=0, help="versions of this package and of YADE, and exit")
+    shtab.add_argument_to(parser, "--print-completion", help="print the script that completes commands in a shell")
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     chosen = arguments[0] if arguments else None
     for name in names:
-        if chosen in names and name != chosen:
+        if chosen in (*names, VERSION) and name != chosen:
             subparsers.add_parser(name)
             continue
         module = load(name)
         subparser = subparsers.add_parser(
             name,
-            help=module.HELP,
-            description=module.HELP,
-            epilog=f"example: {module.EXAMPLE}\n{EXITS}",
-            formatter_class=argparse.RawDescriptionHelpFormatter,
+            help=re.split("[:;] ", module.HELP)[0],
+            description=textwrap.fill(module.HELP, WIDTH),
+            epilog=f"{_example(module.EXAMPLE)}\n{EXITS}",
+            formatter_class=HelpFormatter,
             allow_abbrev=False,
         )
         module.add_arguments(subparser)
+        _complete_paths(subparser)
         subparser.set_defaults(execute=module.execute)
     return parser
 

@@ -6,14 +6,15 @@ import argparse
 from pathlib import Path
 
 from harness import cli
+from harness.bundled import bundled_study
 from harness.commands.run import RESULTS, launch, positive
 from harness.commands.status import exit_status, print_states
-from harness.errors import EXIT_GOOD, EXIT_VERDICT, InputError
+from harness.errors import EXIT_GOOD, EXIT_VERDICT
 from harness.study import read_study
 
-HELP = "the main job, small: a real YADE study, post-processed, compared, reported"
+HELP = "a small real study in YADE: run, analysed, compared, reported"
 EXAMPLE = "forcechain demo"
-NAME = "demo.toml"
+NAME = "demo"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     """Run the command: the exit status of the first step that cannot be done, else that of the comparison."""
-    study = read_study(study_file())
+    study = read_study(bundled_study(NAME))
     directory = options.out or RESULTS / study.name
     states = launch(study, directory, options.jobs)
     print_states(states)
@@ -36,12 +37,3 @@ def execute(options: argparse.Namespace) -> int:
         if status > EXIT_VERDICT:
             break
     return status
-
-
-def study_file() -> Path:
-    """Return the study file of the demo: in a checkout beside the packages, installed within them."""
-    package = Path(__file__).resolve().parents[1]
-    for folder in (package.parent / "studies", package / "studies"):
-        if (folder / NAME).is_file():
-            return folder / NAME
-    raise InputError(f"{NAME}: the study of the demo is missing from this installation; install forcechain again")

@@ -15,7 +15,7 @@ import pytest
 
 import forcechain
 from harness import cli
-from harness.commands import demo, doctor
+from harness.commands import doctor
 from harness.errors import InputError, RunError
 
 FakeYade = Any  # of conftest.py
@@ -190,7 +190,3 @@ def test_the_demo_runs_compares_and_reports(
     fake_yade.behave({2: "crash"})
     assert cli.main(["demo", "--out", str(tmp_path / "second")]) == 3
     assert steps == []
-
-
-def test_the_demo_finds_its_study() -> None:
-    assert demo.study_file() == ROOT / "studies" / "demo.toml"
