@@ -1,4 +1,4 @@
-"""forcechain compare: model against data, data against the paper, a verdict a row."""
+"""forcechain compare: model against data, data against the paper, a verdict a row; or studies against one another."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from harness.analysing.analysis import analyse
+from harness.analysing.analysis import Analysis, analyse
 from harness.commands.analyse import tell_left_out
+from harness.comparing import variations
 from harness.comparing.comparison import calibrated_ratios, compare
 from harness.comparing.verdicts import Row, Verdict, failed
-from harness.errors import EXIT_GOOD, EXIT_VERDICT
+from harness.errors import EXIT_GOOD, EXIT_VERDICT, InputError
 from harness.report.tables import size_note
 from harness.study import study_in
 from harness.text_table import number, render, with_error
@@ -24,6 +25,17 @@ HEADER = ("quantity", "unit", "model", "data ± 2 s.e.", "n", "paper", "toleranc
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("directory", metavar="DIR", type=Path, help="a study's folder, or a single run's")
+    parser.add_argument(
+        "--with",
+        dest="others",
+        metavar="OTHER",
+        type=Path,
+        nargs="+",
+        default=[],
+        help="instead, what moves from DIR to each of these studies: differences seed by seed, with intervals, no "
+        "verdicts; as in: forcechain compare results/before --with results/after",
+    )
+    parser.add_argument("--case", metavar="NAME", help="with --with: the case of DIR to hold them against (the first)")
     parser.add_argument("--json", action="store_true", help="print every row as JSON")
 
 
@@ -52,6 +64,10 @@ def summary(rows: Sequence[Row]) -> str:
 
 def execute(args: argparse.Namespace) -> int:
     """Compare and print the table; a run that is left out outranks a verdict that failed."""
+    if args.others:
+        return _differences(args)
+    if args.case is not None:
+        raise InputError("--case: expected with --with OTHER, which compares one case; without it every case is")
     study = study_in(args.directory)
     ratios = calibrated_ratios(study.compare, str(study.source)) if study else {}
     analysis = analyse(args.directory)
@@ -66,3 +82,23 @@ def execute(args: argparse.Namespace) -> int:
             print()
         print(summary(rows))
     return tell_left_out(analysis.left_out) or (EXIT_VERDICT if failed(list(rows)) else EXIT_GOOD)
+
+
+def _differences(args: argparse.Namespace) -> int:
+    """Print what moves from one study to others; a run that is left out of any is told as everywhere."""
+    base = analyse(args.directory)
+    others: dict[str, Analysis] = {}
+    for directory in args.others:
+        other = analyse(directory)
+        # The same study run again has the same name: then its place tells them apart
+        others[str(directory) if other.name in {base.name, *others} else other.name] = other
+    found = variations.vary(base, others, args.case)
+    left_out = {**base.left_out, **{run: why for other in others.values() for run, why in other.left_out.items()}}
+    if args.json:
+        rows = variations.frame(found).to_dict("records")
+        plain = [{name: None if value != value else value for name, value in row.items()} for row in rows]
+        document = {"base": found.base, "case": found.case, "changes": found.changes, "differences": plain}
+        print(json.dumps(document | {"left_out": left_out}, indent=1, allow_nan=False))
+    else:
+        print(variations.text(found))
+    return tell_left_out(left_out) or EXIT_GOOD
