@@ -89,7 +89,7 @@ def test_two_studies_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureF
     document = json.loads(capsys.readouterr().out)
     rows = {row["quantity"]: row for row in document["differences"]}
     force = rows["axial force, start of the drop"]
-    assert force["difference"] == pytest.approx(0.2 * force["base"])
+    assert force["difference"] == pytest.approx(0.2 * force["base"], rel=2e-3)  # the axial force follows the angle too
     assert FORCE[1] < force["base"] <= FORCE[0]
     assert force["seeds"] == 3
     assert force["mark"] == ""  # 10, 20 and 30 %: three seeds that differ so much tell little
