@@ -73,7 +73,7 @@ def packing_of(values: Mapping[str, Any], folder: Path, report: Report = lambda 
         packing = prepare(values, report)
         yade.O.reset()
         arrays = {"radii": packing.radii, "positions": packing.positions, "faces": packing.faces}
-        run_folder.write(folder, name, export.archive({**arrays, "facts": np.array(json.dumps(packing.facts))}))
+        run_folder.write(folder, name, export.archive({**arrays, "facts": np.array(json.dumps(packing.facts))}), durable=True)
     return read(folder / name), name
 
 
