@@ -48,8 +48,10 @@ def save(folder: Path, step: int, identity: Mapping[str, Any], state: Mapping[st
     try:
         yade.O.save(str(temporary / SCENE), quiet=True)
         run_folder.write_json(temporary, STATE, {"step": step, "identity": identity, **state}, durable=True)
+        run_folder.settle(folder)  # the scene, and the run's files so far: the older checkpoint goes now
         shutil.rmtree(target, ignore_errors=True)
         temporary.rename(target)
+        run_folder.settle(folder)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
     for older in saved_in(folder)[1:]:

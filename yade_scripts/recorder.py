@@ -104,6 +104,7 @@ class Recorder:
                 "snapshots": self.snapshots,
             },
         }
+        run_folder.settle(self.folder)  # what the manifest vouches for outlives a power cut, as the manifest does
         run_folder.write_json(self.folder, export_format.MANIFEST, manifest, durable=True)
 
 

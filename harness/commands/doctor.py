@@ -13,11 +13,11 @@ import sys
 from dataclasses import asdict, dataclass
 
 import forcechain
-from harness.commands.run import available_cores
 from harness.errors import EXIT_GOOD, EXIT_RUN, RunError
+from harness.running.engines import available_cores
 from harness.running.yade_environment import COMMAND_VARIABLE, INSTALL, Yade, find_yade
 
-HELP = "what is installed, which YADE, what is missing and the command that mends it"
+HELP = "what is installed and what is missing: which YADE, which libraries, and the command that mends it"
 EXAMPLE = "forcechain doctor"
 DISTRIBUTION = "forcechain"
 IMPORT_TIMEOUT_S = 60

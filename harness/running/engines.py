@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import fcntl
 import os
 import signal
 import subprocess
@@ -33,6 +34,8 @@ class Task:
         environment: its environment, complete.
         folder: its working directory.
         log: file that takes its output.
+        lock: file that is locked as long as one of its processes lives, so that no two of them write the same files.
+        product: the file that is there once it has ended as it should.
         time_limit_s: it is ended after this time [s]; None: no limit.
     """
 
@@ -41,6 +44,8 @@ class Task:
     environment: Mapping[str, str]
     folder: Path
     log: Path
+    lock: Path
+    product: Path
     time_limit_s: float | None = None
 
 
@@ -70,18 +75,23 @@ class Outcome:
         return f"ended with exit status {self.exit_status}"
 
 
+class HeldError(OSError):
+    """A lock is held by another process."""
+
+
 Watch = Callable[[Mapping[str, float]], None]
-Engine = Callable[[Sequence[Task], int, Watch], Generator[Outcome, None, None]]
+Engine = Callable[[Sequence[Task], int | None, Watch], Generator[Outcome, None, None]]
 
 
-def run_local(tasks: Sequence[Task], jobs: int, watch: Watch) -> Generator[Outcome, None, None]:
-    """Run `tasks`, at most `jobs` at a time, in their order; yield each outcome as it comes.
+def run_local(tasks: Sequence[Task], jobs: int | None, watch: Watch) -> Generator[Outcome, None, None]:
+    """Run `tasks`, at most `jobs` at a time (None: one a core), in their order; yield each outcome as it comes.
 
     `watch` is called some times a second with the names of the running tasks and their running times [s]. However this
     ends (to the last task, by Ctrl-C, by a signal, or closed early), no process it started is left running; should the
     harness itself be killed, the kernel ends them.
     """
     waiting = deque(tasks)
+    jobs = jobs or available_cores()
     running: dict[int, tuple[Task, subprocess.Popen[bytes], float]] = {}
     try:
         while waiting or running:
@@ -90,7 +100,10 @@ def run_local(tasks: Sequence[Task], jobs: int, watch: Watch) -> Generator[Outco
                 try:
                     process = _start(task)
                 except OSError as error:
-                    yield Outcome(task=task, exit_status=None, seconds=0.0, stopped=f"could not be started: {error}")
+                    reason = (
+                        f"another process is still at work in {task.folder}" if isinstance(error, HeldError) else error
+                    )
+                    yield Outcome(task=task, exit_status=None, seconds=0.0, stopped=f"could not be started: {reason}")
                     continue
                 running[process.pid] = (task, process, time.monotonic())
             ended = []
@@ -115,7 +128,34 @@ def run_local(tasks: Sequence[Task], jobs: int, watch: Watch) -> Generator[Outco
         _end([process for _, process, _ in running.values()])
 
 
-ENGINES: Mapping[str, Engine] = {"local": run_local}
+def available_cores() -> int:
+    """Cores this process may use, which on a shared node can be fewer than the machine has."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextlib.contextmanager
+def locked(path: Path, patience_s: float = 0.0, watch: Callable[[], None] = lambda: None) -> Iterator[int]:
+    """Hold the lock `path`, a file; wait at most `patience_s` for it, calling `watch`. HeldError when it is held.
+
+    Yields its descriptor. The lock is the kernel's and belongs to every process that inherits the descriptor: it is
+    free again when the last of them has ended, however that came.
+    """
+    path.parent.mkdir(exist_ok=True)
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT, OWNER_ONLY)
+    until = time.monotonic() + patience_s
+    try:
+        while True:
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if time.monotonic() >= until:
+                    raise HeldError(f"{path} is held by another process") from None
+                watch()
+                time.sleep(POLL_S)
+        yield descriptor
+    finally:
+        os.close(descriptor)
 
 
 @contextlib.contextmanager
@@ -140,6 +180,11 @@ def ending_signals() -> Iterator[None]:
 
 
 def _start(task: Task) -> subprocess.Popen[bytes]:
+    with locked(task.lock) as lock:
+        return _start_locked(task, lock)
+
+
+def _start_locked(task: Task, lock: int) -> subprocess.Popen[bytes]:
     task.log.unlink(missing_ok=True)  # so that its mode is ours, whoever made the old one
     log = os.open(task.log, os.O_WRONLY | os.O_CREAT | os.O_EXCL, OWNER_ONLY)
     libc = ctypes.CDLL(None)
@@ -160,6 +205,7 @@ def _start(task: Task) -> subprocess.Popen[bytes]:
             stderr=subprocess.STDOUT,
             start_new_session=True,  # a group of its own: ended as a whole, and not by the terminal's Ctrl-C
             preexec_fn=die_with_parent,
+            pass_fds=(lock,),  # it holds the lock now, and on its own should the harness die
         )
     finally:
         os.close(log)

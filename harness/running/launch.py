@@ -8,12 +8,13 @@ import json
 import os
 import platform
 import shutil
+import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
 from harness.errors import RunError
-from harness.running.engines import Engine, Outcome, Task, ending_signals
+from harness.running.engines import Engine, HeldError, Outcome, Task, ending_signals, locked
 from harness.running.run_state import RunState, State, state_of, states_of_study
 from harness.running.yade_environment import Yade
 from harness.study import BIAXIAL, PACKINGS, PLAN, RUNS, STUDY_COPY, PlannedRun, Study, plan_text
@@ -22,6 +23,8 @@ from yade_scripts import checkpoint, export_format, packing, parameters
 SCRIPTS = Path(export_format.__file__).resolve().parent
 FAILED = "failed"  # earlier attempts of runs that were tried again, kept with their logs
 LOCK = ".lock"
+RUN_LOCKS = ".locks"  # one for each run and packing, held by the process that makes it
+LOCK_PATIENCE_S = 5.0  # a killed harness's runs are ended by the kernel, which takes a moment
 LOG_TAIL = 2000  # bytes
 
 
@@ -42,7 +45,7 @@ class Display(Protocol):
 
 
 def run_study(
-    study: Study, directory: Path, *, yade: Yade, engine: Engine, jobs: int, display: Display
+    study: Study, directory: Path, *, yade: Yade, engine: Engine, jobs: int | None, display: Display
 ) -> tuple[RunState, ...]:
     """Launch every run of `study` that is not complete in `directory`, and return the state of all.
 
@@ -82,20 +85,29 @@ def _attempt(
     todo: list[PlannedRun],
     yade: Yade,
     engine: Engine,
-    jobs: int,
+    jobs: int | None,
     display: Display,
 ) -> list[RunState]:
     """Try every run of `todo` once; return what has become of each."""
+    states = []
+    free = []
     for run in todo:
-        _clean(directory, run)
         folder = directory / RUNS / run.run_id
-        _write(folder / export_format.PARAMETERS, json.dumps(dict(run.parameters), indent=1) + "\n")
+        try:
+            with locked(directory / RUN_LOCKS / run.run_id, LOCK_PATIENCE_S):
+                _clean(directory, run)
+                _write(folder / export_format.PARAMETERS, json.dumps(dict(run.parameters), indent=1) + "\n")
+        except HeldError:
+            reason = f"a process of an earlier launch is still at work in {folder}; end it, or wait for it"
+            states.append(RunState(run_id=run.run_id, folder=folder, state=State.FAILED, reason=reason))
+            display.ended(run.run_id, State.FAILED, reason, 0.0)
+        else:
+            free.append(run)
     without_packing: dict[str, str] = {}
     if study.script == BIAXIAL:
-        without_packing = _make_packings(study, directory, todo, yade, engine, jobs, display)
+        without_packing = _make_packings(study, directory, free, yade, engine, jobs, display)
     tasks = []
-    states = []
-    for run in todo:
+    for run in free:
         name = packing.file_name(run.parameters) if study.script == BIAXIAL else ""
         if name in without_packing:
             reason = f"its packing could not be made: {without_packing[name]}"
@@ -120,7 +132,7 @@ def _make_packings(
     todo: list[PlannedRun],
     yade: Yade,
     engine: Engine,
-    jobs: int,
+    jobs: int | None,
     display: Display,
 ) -> dict[str, str]:
     """Prepare every packing that `todo` needs and that is not there; return those that failed, with the reason."""
@@ -129,8 +141,9 @@ def _make_packings(
     tasks: dict[str, Task] = {}
     for run in todo:
         name = packing.file_name(run.parameters)
-        if name in tasks or (folder / name).is_file():
+        if name in tasks or zipfile.is_zipfile(folder / name):  # one cut short lacks the directory at its end
             continue
+        (folder / name).unlink(missing_ok=True)
         stem = name.removesuffix(".npz")
         given = _write(folder / f"{stem}.json", json.dumps(dict(run.parameters), indent=1) + "\n")
         tasks[name] = Task(
@@ -139,13 +152,15 @@ def _make_packings(
             environment=yade.environment(),
             folder=folder,
             log=folder / f"{stem}.log",
+            lock=directory / RUN_LOCKS / stem,
+            product=folder / name,
             time_limit_s=study.run.time_limit_s,
         )
     failed = {}
     with contextlib.closing(engine(list(tasks.values()), jobs, display.watch)) as outcomes:
         for outcome in outcomes:
             name = f"{outcome.task.name}.npz"
-            if not (folder / name).is_file():
+            if not zipfile.is_zipfile(folder / name):
                 failed[name] = _reason(outcome, f"{PACKINGS}/{outcome.task.log.name}")
     return failed
 
@@ -168,6 +183,8 @@ def _run_task(study: Study, directory: Path, run: PlannedRun, yade: Yade) -> Tas
         environment=environment,
         folder=folder,
         log=folder / export_format.LOG,
+        lock=directory / RUN_LOCKS / run.run_id,
+        product=folder / export_format.MANIFEST,
         time_limit_s=study.run.time_limit_s,
     )
 

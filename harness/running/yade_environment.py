@@ -47,13 +47,7 @@ class Yade:
 
     def environment(self) -> dict[str, str]:
         """Return the environment for a run: one thread, no display, no packages of another Python."""
-        environment = {
-            name: value
-            for name, value in os.environ.items()
-            if not name.startswith("PYTHON") and name not in ("VIRTUAL_ENV", "DISPLAY")
-        }
-        environment.setdefault("HOME", "/tmp")  # YADE needs one to be set
-        environment |= {
+        environment = bare_environment() | {
             "OMP_NUM_THREADS": "1",  # more threads do not repeat bit for bit
             "OPENBLAS_NUM_THREADS": "1",
             "PYTHONNOUSERSITE": "1",
@@ -63,6 +57,17 @@ class Yade:
         if self.library:
             environment["PYTHONPATH"] = str(self.library)
         return environment
+
+
+def bare_environment() -> dict[str, str]:
+    """Return this process's environment without what belongs to its own Python or to a display."""
+    environment = {
+        name: value
+        for name, value in os.environ.items()
+        if not name.startswith("PYTHON") and name not in ("VIRTUAL_ENV", "DISPLAY")
+    }
+    environment.setdefault("HOME", "/tmp")  # YADE needs one to be set
+    return environment
 
 
 def find_yade() -> Yade | None:

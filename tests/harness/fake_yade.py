@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 import time
+import zipfile
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -101,7 +102,8 @@ def main(arguments: list[str]) -> int:
         if behaviour.get("packing") == "fail":
             print("no space between the discs")
             return 1
-        (Path(rest[1]) / packing.file_name(values)).write_bytes(b"a packing")
+        with zipfile.ZipFile(Path(rest[1]) / packing.file_name(values), "w") as archive:
+            archive.writestr("facts", "a packing")
         return 0
     attempts = behaviour.get(str(values["seed"]), ["good"])
     earlier = (home / "calls.txt").read_text().split("\n").count(f"{Path(script).name} {values.get('seed')}")
