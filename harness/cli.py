@@ -32,6 +32,7 @@ ORDER = (
     "check",
     "approve",
     "report",
+    "reference",
     "model",
     "export",
     "import",

@@ -1,0 +1,1 @@
+"""The reference page: every printed number of the paper beside a study's, as Markdown with pictures."""
