@@ -21,7 +21,7 @@ from harness.report.pictures import Picture, behaviour_picture, buckling_picture
 from harness.report.scenes import busiest_scene
 
 KIND = "png"  # a page of text shows it anywhere
-COLOURS = 96  # of a picture: enough for lines, discs and their smooth edges
+COLOURS = 256
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,7 +94,7 @@ def _drawn(make: Callable[[], Figure]) -> bytes:
 
 def _few_colours(png: bytes) -> bytes:
     buffer = io.BytesIO()
-    with Bitmap.open(io.BytesIO(png)) as bitmap:
-        few = bitmap.convert("RGB").quantize(COLOURS, dither=Bitmap.Dither.NONE)
+    with Bitmap.open(io.BytesIO(png)) as bitmap:  # by coverage: by frequency, rare colours that mean something merge
+        few = bitmap.convert("RGB").quantize(COLOURS, Bitmap.Quantize.MAXCOVERAGE, dither=Bitmap.Dither.NONE)
         few.save(buffer, "PNG", optimize=True)
     return buffer.getvalue()
