@@ -153,6 +153,12 @@ def engines(rules: ContactRules, damping: float) -> list[Any]:
     ]
 
 
+def keep_rolling_stiffness(values: Mapping[str, Any], rules: ContactRules, mean_radius: float) -> None:
+    """Set the rolling stiffness of every contact anew where `values` ask for the mean radius [m] in it."""
+    if values["rolling_stiffness_radius"] == "mean" and rules.bears_moment:
+        set_rolling_stiffness(values["rolling_stiffness_ratio"] * values["normal_stiffness"] * mean_radius**2)
+
+
 def set_rolling_stiffness(stiffness: float) -> None:
     """Give every contact that resists rolling this stiffness [N m/rad], also where YADE made it from the pair's radii.
 

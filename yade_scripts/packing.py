@@ -22,7 +22,7 @@ if __name__ == "__main__":
     sys.path.append(str(Path(sys.argv[0]).resolve().parent.parent))
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # one thread repeats bit for bit; read when YADE is imported
 
-from yade_scripts import export, materials, parameters, run_folder, walls
+from yade_scripts import export, materials, parameters, punch_bed, run_folder, walls
 
 try:
     import yade
@@ -61,7 +61,9 @@ class Packing(NamedTuple):
 def file_name(values: Mapping[str, Any]) -> str:
     """Name of the packing's file: readable, and different for whatever makes the packing different."""
     chosen = {name: values[name] for name in parameters.PACKING_NAMES}
-    mark = parameters.fingerprint({**chosen, "recipe": RECIPE})
+    shape = {punch_bed.ASPECT: values[punch_bed.ASPECT]} if punch_bed.ASPECT in values else {}
+    recipe = punch_bed.RECIPE if shape else RECIPE
+    mark = parameters.fingerprint({**chosen, **shape, "recipe": recipe})
     return f"n{chosen['particle_count']}-{chosen['size_distribution']}-s{chosen['seed']}-{mark}.npz"
 
 
@@ -69,11 +71,16 @@ def packing_of(values: Mapping[str, Any], folder: Path, report: Report = lambda 
     """Return the packing of a run's parameters and its file's name; prepare and keep it if `folder` has none."""
     name = file_name(values)
     if not (folder / name).is_file():
-        yade.O.reset()
-        packing = prepare(values, report)
-        yade.O.reset()
+        if punch_bed.ASPECT in values:
+            packing = bed(values, report)
+        else:
+            yade.O.reset()
+            packing = prepare(values, report)
+            yade.O.reset()
         arrays = {"radii": packing.radii, "positions": packing.positions, "faces": packing.faces}
-        run_folder.write(folder, name, export.archive({**arrays, "facts": np.array(json.dumps(packing.facts))}), durable=True)
+        run_folder.write(
+            folder, name, export.archive({**arrays, "facts": np.array(json.dumps(packing.facts))}), durable=True
+        )
     return read(folder / name), name
 
 
@@ -82,6 +89,12 @@ def read(path: Path) -> Packing:
     with np.load(path, allow_pickle=False) as stored:
         facts = json.loads(str(stored["facts"]))
         return Packing(stored["radii"], stored["positions"], stored["faces"], facts)
+
+
+def bed(values: Mapping[str, Any], report: Report = lambda _: None) -> Packing:
+    """Make the bed of a punch; see `punch_bed`."""
+    radii, found = punch_bed.bed_of(values, report)
+    return Packing(radii, found.positions, np.array((0, found.extents[0], 0, found.extents[1])), found.facts)
 
 
 def prepare(values: Mapping[str, Any], report: Report = lambda _: None) -> Packing:
@@ -192,9 +205,10 @@ def main(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="packing.py", description=(__doc__ or "").split("\n\n", maxsplit=1)[0])
     parser.add_argument("parameters", type=Path, metavar="PARAMETERS.json", help="parameter names and values of a run")
     parser.add_argument("--packings", type=Path, required=True, metavar="DIR", help="where packings are kept")
+    parser.add_argument("--test", choices=list(parameters.TESTS), default="biaxial", help="whose parameters they are")
     options = parser.parse_args(arguments)
     try:
-        values = run_folder.read_parameters(options.parameters, parameters.BIAXIAL)
+        values = run_folder.read_parameters(options.parameters, parameters.TESTS[options.test])
     except (OSError, ValueError) as error:
         print(f"{options.parameters}: {error}", file=sys.stderr)
         return 2

@@ -132,6 +132,40 @@ SEED = (Parameter("seed", 1, "-", "seed of the packing's random numbers", 0, 2**
 
 BIAXIAL = MATERIAL + LOADING + SAMPLING + PREPARATION + SEED
 
+BED = (
+    Parameter("bed_width_over_height", 2.0, "-", "width of the bed over its height", 0.1, 20),
+    Parameter(
+        "punch_width_over_bed_width", 0.12, "-", "width of the punch over that of the bed", 0, 0.8, low_allowed=False
+    ),
+    Parameter("punch_friction", 0.7, "-", "coefficient of sliding friction between discs and punch", 0, 10),
+)
+FEWEST_DISCS_UNDER_PUNCH = 3  # mean diameters; a narrower punch is a needle
+
+# Settlement over the punch's width takes the place of the axial strain, in the names too: they are those of the format.
+_PUNCH_CHANGES: dict[str, dict[str, Any]] = {
+    "particle_count": {"default": 38849},
+    # Under a punch the bed bears tens of times what confines it: with this, about as much as in the biaxial test.
+    "confining_stress": {"default": 40.0, "meaning": "pressure on the bed's free surface, force per length"},
+    "inertial_number": {
+        "default": 1e-3,  # under the punch, where the stress is larger, it is several times smaller
+        "meaning": "punch velocity/punch width x sqrt(mean mass/confining stress)",
+    },
+    "strain_rate": {"meaning": "punch velocity over punch width; 0: what the inertial number asks for"},
+    "final_axial_strain": {"meaning": "settlement over punch width at which the test ends"},
+    "snapshot_strain_interval": {
+        "default": 5e-4,
+        "meaning": "settlement over punch width from one snapshot to the next",
+    },
+    "dense_strain_intervals": {
+        "meaning": "settlements over punch width between which snapshots are denser, as BEGIN:END with commas",
+    },
+    "dense_snapshot_interval": {"meaning": "settlement over punch width between two snapshots there"},
+    "history_strain_interval": {"meaning": "settlement over punch width from one history row to the next"},
+}
+PUNCH = tuple(parameter._replace(**_PUNCH_CHANGES.get(parameter.name, {})) for parameter in BIAXIAL) + BED
+
+TESTS = {"biaxial": BIAXIAL, "punch": PUNCH}
+
 # One packing serves every run that agrees in these: the rest (friction, masses, rates, sampling) does not reach it.
 PACKING_NAMES = (
     "particle_count",
@@ -171,7 +205,20 @@ def check(given: Mapping[str, Any], table: tuple[Parameter, ...] = BIAXIAL) -> d
         )
     if "dense_strain_intervals" in values:
         strain_intervals(values["dense_strain_intervals"])
+    if "punch_width_over_bed_width" in values:
+        _check_punch_width(values)
     return values
+
+
+def _check_punch_width(values: Mapping[str, Any]) -> None:
+    # A disc of a dense packing takes about the square of its diameter.
+    bed = math.sqrt(values["particle_count"] * values["bed_width_over_height"])
+    share = values["punch_width_over_bed_width"]
+    if share * bed < FEWEST_DISCS_UNDER_PUNCH:
+        raise ParameterError(
+            f"punch_width_over_bed_width: expected at least {FEWEST_DISCS_UNDER_PUNCH / bed:.2g}, a punch "
+            f"{FEWEST_DISCS_UNDER_PUNCH} discs wide on this bed of about {bed:.0f}, found {share:g}"
+        )
 
 
 def strain_intervals(text: str) -> list[tuple[float, float]]:

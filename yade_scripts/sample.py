@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from yade_scripts import export, materials, packing, quick_tables, walls
+from yade_scripts import checkpoint, export, materials, packing, quick_tables, walls
+from yade_scripts.recorder import Quantity
 
 try:
     import yade
@@ -60,6 +61,13 @@ class Sample:
         """Mass of each side wall [kg]."""
         return packing.wall_mass(float(self.masses.mean()), self.count)
 
+    def settle(self, _report: packing.Report) -> tuple[float, dict[str, Any]]:
+        """Find the contacts, nothing moved yet; return the confining stress's error. (The packing has settled.)"""
+        yade.O.dt = checkpoint.AT_REST
+        packing.step(1)
+        lateral, _ = walls.stresses(self.walls)
+        return lateral / self.values["confining_stress"] - 1, {}
+
     def press(self) -> None:
         """Push the side walls with the confining stress over the height they confine now."""
         walls.push(self.walls, (walls.LEFT, walls.RIGHT), self.values["confining_stress"])
@@ -85,9 +93,7 @@ class Sample:
             advance()
             # The force on a free wall is what the contacts exceed the push by.
             surplus += force(right)[0] - force(left)[0]
-        if self.values["rolling_stiffness_radius"] == "mean" and self.rules.bears_moment:
-            ratio, stiffness = self.values["rolling_stiffness_ratio"], self.values["normal_stiffness"]
-            materials.set_rolling_stiffness(ratio * stiffness * self.mean_radius**2)
+        materials.keep_rolling_stiffness(self.values, self.rules, self.mean_radius)
         _, height = walls.extents(self.walls)
         return surplus / (2 * self.values["confining_stress"] * height)
 
@@ -128,3 +134,23 @@ class Sample:
         left, right, bottom, top = walls.faces(self.walls)
         inside = (particles["x"] > left) & (particles["x"] < right) & (particles["y"] > bottom) & (particles["y"] < top)
         return int((~inside).sum())
+
+    def derived(self) -> dict[str, Quantity]:
+        """Size of the sample at the start, and mass of each side wall."""
+        return {
+            "initial_width": (self.width, "m"),
+            "initial_height": (self.height, "m"),
+            "wall_mass": (self.wall_mass, "kg"),
+        }
+
+    def figures(self, loading: Sequence[Mapping[str, float]], strain_rate: float) -> dict[str, float]:
+        """Inertial number, and the largest error of the confining stress at the instants of the rows.
+
+        The latter is told but not judged: a disc may just rattle on a wall.
+        """
+        confining_stress = self.values["confining_stress"]
+        lateral = sum(row["lateral_stress"] for row in loading) / len(loading)
+        return {
+            "servo_error_instant_max": max(abs(row["lateral_stress"] / confining_stress - 1) for row in loading),
+            "inertial_number": strain_rate * math.sqrt(float(self.masses.mean()) / lateral),
+        }

@@ -1,10 +1,10 @@
-"""Four rigid walls around the sample: driven at a given velocity, or free to slide under a given pressure."""
+"""Rigid walls around the sample: driven at a given velocity, free to slide under a given pressure, or at rest."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,7 @@ try:
 except ImportError:
     yade = None
 
-LEFT, RIGHT, BOTTOM, TOP = -1, -2, -3, -4
+LEFT, RIGHT, BOTTOM, TOP, PUNCH = -1, -2, -3, -4, -5
 # Inward direction of each wall: axis, and the sign of a push on the sample.
 INWARD = {LEFT: (0, 1.0), RIGHT: (0, -1.0), BOTTOM: (1, 1.0), TOP: (1, -1.0)}
 THICKNESS = 10  # half thickness of a wall over the largest radius; thin walls let fast discs through
@@ -25,7 +25,7 @@ class Walls(NamedTuple):
     """The walls in the simulation.
 
     Attributes:
-        body: body number in YADE of each wall (-1 left, -2 right, -3 bottom, -4 top).
+        body: body number in YADE of each wall (-1 left, -2 right, -3 bottom, -4 top, -5 punch).
         half_thickness: distance from a box's centre to its inner face [m].
     """
 
@@ -38,8 +38,10 @@ class Walls(NamedTuple):
         return {body: wall for wall, body in self.body.items()}
 
 
-def add_walls(faces: Sequence[float], largest_radius: float, rules: materials.ContactRules) -> Walls:
-    """Put four boxes around the rectangle `faces` = (left, right, bottom, top) [m], at rest."""
+def add_walls(
+    faces: Sequence[float], largest_radius: float, rules: materials.ContactRules, sides: Sequence[int] = tuple(INWARD)
+) -> Walls:
+    """Put boxes at the `sides` of the rectangle `faces` = (left, right, bottom, top) [m], at rest."""
     left, right, bottom, top = (float(face) for face in faces)
     thick = THICKNESS * largest_radius
     centre = ((left + right) / 2, (bottom + top) / 2)
@@ -52,16 +54,21 @@ def add_walls(faces: Sequence[float], largest_radius: float, rules: materials.Co
         TOP: ((centre[0], top + thick, 0), (reach, thick, thick)),
     }
     body = {}
-    for wall, (middle, half) in boxes.items():
-        box = yade.utils.box(middle, half, fixed=True, material=material)
-        body[wall] = yade.O.bodies.append(box)
-        yade.O.forces.setPermF(body[wall], (0, 0, 0))  # YADE crashes on reading a permanent force never set
+    for wall in sides:
+        body[wall] = add_box(*boxes[wall], material)
     return Walls(body, thick)
 
 
-def walls_after(count: int, largest_radius: float) -> Walls:
-    """Return the walls of a loaded simulation, which `add_walls` had put there after `count` discs."""
-    return Walls({wall: count + place for place, wall in enumerate(INWARD)}, THICKNESS * largest_radius)
+def add_box(middle: Sequence[float], half: Sequence[float], material: Any) -> int:
+    """Put a box at rest, given by its middle and half extents [m], into the simulation; return its body number."""
+    number = int(yade.O.bodies.append(yade.utils.box(middle, half, fixed=True, material=material)))
+    yade.O.forces.setPermF(number, (0, 0, 0))  # YADE crashes on reading a permanent force never set
+    return number
+
+
+def walls_after(count: int, largest_radius: float, sides: Sequence[int] = tuple(INWARD)) -> Walls:
+    """Return the walls of a loaded simulation, which had been put there, in this order, after `count` discs."""
+    return Walls({wall: count + place for place, wall in enumerate(sides)}, THICKNESS * largest_radius)
 
 
 def faces(walls: Walls) -> np.ndarray:

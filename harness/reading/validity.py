@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from harness.study import BIAXIAL, RunSettings
+from harness.study import RunSettings
+from yade_scripts import parameters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +44,7 @@ def judge(manifest: Mapping[str, Any], settings: RunSettings) -> tuple[Figure, .
 
     A run of our own script has to tell all of them; of a script of the user's own, those it tells are judged.
     """
-    ours = str(manifest.get("script")).removesuffix(".py") == BIAXIAL
+    ours = str(manifest.get("script")).removesuffix(".py") in parameters.TESTS
     preparation, validity = "preparation", "validity"
     asked: tuple[tuple[str, str, str, float | None, float | None], ...] = (
         (

@@ -17,7 +17,7 @@ from harness.errors import RunError
 from harness.running.engines import Engine, HeldError, Outcome, Task, ending_signals, locked
 from harness.running.run_state import RunState, State, state_of, states_of_study
 from harness.running.yade_environment import Yade
-from harness.study import BIAXIAL, PACKINGS, PLAN, RUNS, STUDY_COPY, PlannedRun, Study, plan_text
+from harness.study import PACKINGS, PLAN, RUNS, STUDY_COPY, PlannedRun, Study, plan_text
 from yade_scripts import checkpoint, export_format, packing, parameters
 
 SCRIPTS = Path(export_format.__file__).resolve().parent
@@ -104,11 +104,11 @@ def _attempt(
         else:
             free.append(run)
     without_packing: dict[str, str] = {}
-    if study.script == BIAXIAL:
+    if study.script in parameters.TESTS:
         without_packing = _make_packings(study, directory, free, yade, engine, jobs, display)
     tasks = []
     for run in free:
-        name = packing.file_name(run.parameters) if study.script == BIAXIAL else ""
+        name = packing.file_name(run.parameters) if study.script in parameters.TESTS else ""
         if name in without_packing:
             reason = f"its packing could not be made: {without_packing[name]}"
             folder = directory / RUNS / run.run_id
@@ -148,7 +148,9 @@ def _make_packings(
         given = _write(folder / f"{stem}.json", json.dumps(dict(run.parameters), indent=1) + "\n")
         tasks[name] = Task(
             name=stem,
-            command=yade.invocation(SCRIPTS / "packing.py", [str(given), "--packings", str(folder)]),
+            command=yade.invocation(
+                SCRIPTS / "packing.py", [str(given), "--packings", str(folder), "--test", study.script]
+            ),
             environment=yade.environment(),
             folder=folder,
             log=folder / f"{stem}.log",
@@ -169,8 +171,8 @@ def _run_task(study: Study, directory: Path, run: PlannedRun, yade: Yade) -> Tas
     folder = directory / RUNS / run.run_id
     arguments = [str(folder / export_format.PARAMETERS), "--folder", str(folder)]
     environment = yade.environment()
-    if study.script == BIAXIAL:
-        script = SCRIPTS / "biaxial.py"
+    if study.script in parameters.TESTS:
+        script = SCRIPTS / f"{study.script}.py"
         arguments += ["--packings", str(directory / PACKINGS)]
     else:
         script = Path(study.script)
@@ -207,7 +209,7 @@ def _reason(outcome: Outcome, log: str) -> str:
 
 
 def _record_failure(study: Study, folder: Path, run: PlannedRun, reason: str) -> None:
-    units = {parameter.name: parameter.unit for parameter in parameters.BIAXIAL}
+    units = {parameter.name: parameter.unit for parameter in parameters.TESTS.get(study.script, parameters.BIAXIAL)}
     manifest: dict[str, Any] = {
         "format": export_format.FORMAT,
         "status": export_format.STATUS_FAILED,
