@@ -22,6 +22,7 @@ from harness.errors import InputError, RunError
 from harness.reading import validity
 from harness.reading.exports import Run, read_run, run_folders
 from harness.reading.manifest import products_disagreement
+from harness.reading.tested import BIAXIAL
 from harness.study import STUDY_COPY, RunSettings, Study, planned_in, study_in
 from yade_scripts import export_format
 from yade_scripts.run_folder import write, write_json
@@ -78,6 +79,12 @@ class Analysis:
     def particle_count(self, case: str) -> int:
         """Number of discs of the runs of a case."""
         return int(self.runs.loc[self.runs["case"] == case, "particle_count"].iloc[0])
+
+    def test(self, case: str) -> str:
+        """Name of the test that made the runs of a case; tables that do not say are of biaxial ones."""
+        if "test" not in self.runs:
+            return BIAXIAL
+        return str(self.runs.loc[self.runs["case"] == case, "test"].iloc[0])
 
     @property
     def folder(self) -> Path:

@@ -9,6 +9,7 @@ import numpy as np
 
 from forcechain.observe.snapshot import Snapshot
 from harness.reading.exports import Run
+from harness.reading.tested import test_of
 
 
 def contact_facts(snapshot: Snapshot) -> dict[str, Any]:
@@ -43,6 +44,7 @@ def run_facts(run: Run) -> dict[str, Any]:
     """Return the facts of a run as plain values; None for what its folder does not tell."""
     preparation: Mapping[str, Any] = (run.manifest or {}).get("preparation", {})
     facts = contact_facts(run.snapshot(0)) | {
+        "test": test_of(run.manifest),
         "seed": run.parameters.get("seed"),
         "confining_stress": run.parameters.get("confining_stress"),
         "inertial_number": run.parameters.get("inertial_number"),

@@ -9,6 +9,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from harness.figures.style import label
+from harness.reading.tested import BIAXIAL, WORDS, Words
 
 
 def volumetric_strain(history: pd.DataFrame) -> pd.Series:
@@ -17,11 +18,16 @@ def volumetric_strain(history: pd.DataFrame) -> pd.Series:
 
 
 def plot_stress_ratio(
-    histories: Sequence[pd.DataFrame], drops: Sequence[pd.DataFrame], names: Sequence[str], *, ax: Axes
+    histories: Sequence[pd.DataFrame],
+    drops: Sequence[pd.DataFrame],
+    names: Sequence[str],
+    *,
+    ax: Axes,
+    words: Words = WORDS[BIAXIAL],
 ) -> Axes:
     """Draw stress ratio against axial strain, a line a run, each run's drops marked on its own line.
 
-    `drops` holds, for each run, a frame with `start` and `end` (axial strains).
+    `drops` holds, for each run, a frame with `start` and `end` (axial strains); `words` what the axes are in this test.
     """
     for number, (history, chosen, name) in enumerate(zip(histories, drops, names, strict=True)):
         colour = f"C{number % 6}"
@@ -31,8 +37,8 @@ def plot_stress_ratio(
             inside = (strain >= start) & (strain <= end)
             ax.plot(strain[inside], ratio[inside], color=colour, linewidth=3.2, alpha=0.45, solid_capstyle="butt")
             ax.plot([start], [np.interp(start, strain, ratio)], "v", color=colour, markersize=5)
-    ax.set_xlabel(label("axial strain"))
-    ax.set_ylabel(label(r"stress ratio $(\sigma_1-\sigma_2)/(\sigma_1+\sigma_2)$"))
+    ax.set_xlabel(label(words.strain))
+    ax.set_ylabel(label(words.ratio_axis))
     ax.set_xlim(left=0)
     ax.set_ylim(bottom=0)
     ax.legend(ncols=2 if len(names) > 3 else 1)
@@ -46,5 +52,17 @@ def plot_volume_change(histories: Sequence[pd.DataFrame], names: Sequence[str], 
     ax.axhline(0, color="0.6", linewidth=0.6)
     ax.set_xlabel(label("axial strain"))
     ax.set_ylabel(label("volume change", "%"))
+    ax.set_xlim(left=0)
+    return ax
+
+
+def plot_solid_fraction(
+    histories: Sequence[pd.DataFrame], names: Sequence[str], *, ax: Axes, words: Words = WORDS[BIAXIAL]
+) -> Axes:
+    """Draw the solid fraction against axial strain, a line a run; `words` says what the strain is in this test."""
+    for number, (history, name) in enumerate(zip(histories, names, strict=True)):
+        ax.plot(history["axial_strain"], history["solid_fraction"], color=f"C{number % 6}", label=name)
+    ax.set_xlabel(label(words.strain))
+    ax.set_ylabel(label("solid fraction"))
     ax.set_xlim(left=0)
     return ax

@@ -21,10 +21,11 @@ from harness.analysing.analysis import Analysis
 from harness.comparing.comparison import ModelCurves
 from harness.errors import InputError
 from harness.figures.buckling import plot_buckling, plot_force
-from harness.figures.macroscopic import plot_stress_ratio, plot_volume_change
+from harness.figures.macroscopic import plot_solid_fraction, plot_stress_ratio, plot_volume_change
 from harness.figures.packing import plot_discs, plot_filters, plot_forces, plot_segments
 from harness.figures.style import look, style
 from harness.reading.exports import Run
+from harness.reading.tested import BIAXIAL, WORDS
 from harness.report.scenes import Scene, of_drop, options_of
 from harness.text_table import number
 
@@ -121,10 +122,15 @@ def behaviour_picture(case: str, analysis: Analysis, runs: Mapping[str, Run]) ->
         for row in facts.to_dict("records")
     )
 
+    test = analysis.test(case)
+    words = WORDS[test]
+
     def draw(figure: Figure) -> None:
         left, right = figure.subplots(1, 2)
-        plot_stress_ratio(histories, drops, shown, ax=left)
-        if all("lateral_strain" in history for history in histories):
+        plot_stress_ratio(histories, drops, shown, ax=left, words=words)
+        if test != BIAXIAL:
+            plot_solid_fraction(histories, shown, ax=right, words=words)
+        elif all("lateral_strain" in history for history in histories):
             plot_volume_change(histories, shown, ax=right)
         else:
             right.axis("off")
@@ -132,9 +138,9 @@ def behaviour_picture(case: str, analysis: Analysis, runs: Mapping[str, Run]) ->
     more = f" {len(names) - len(shown)} more runs are not drawn." if len(names) > len(shown) else ""
     return Picture(
         name=f"behaviour-{analysis.cases.index(case)}",
-        caption=f"{case}: stress ratio (left) and volume change, dilation positive (right). A triangle marks the start "
+        caption=f"{case}: {words.ratio} (left) and {words.other} (right). A triangle marks the start "
         f"of a drop, the thick band its length. Peaks: {peaks}.{more}",
-        alternative=f"Two curves against axial strain for {case}. Peak stress ratios and their strains: {peaks}.",
+        alternative=f"Two curves against {words.strain} for {case}. Peaks of {words.ratio} and where: {peaks}.",
         size=(10, 3.8),
         draw=draw,
     )
