@@ -8,32 +8,24 @@ import json
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from harness.errors import InputError
+from yade_scripts import batch_table
 from yade_scripts import parameters as run_parameters
+from yade_scripts.run_id import run_id
 
 STUDY_COPY = "study.toml"
 PLAN = "plan.json"  # the runs as they were planned when they were launched
 RUNS = "runs"
 PACKINGS = "packings"
 BIAXIAL = "biaxial"
+SEED = "seed"
 MOST_RUNS = 100_000  # a grid past this is a slip of the pen
-SHORT_NAMES = {
-    "rolling_friction": "mu_r",
-    "friction": "mu",
-    "particle_count": "n",
-    "confining_stress": "p",
-    "normal_stiffness": "kn",
-    "tangential_stiffness_ratio": "kt",
-    "rolling_stiffness_ratio": "kr",
-    "inertial_number": "I",
-    "size_distribution": "",
-}
 Scalar = bool | int | float | str
 
 
@@ -84,6 +76,8 @@ class Study:
         seeds: one run for each, at every point of the grid.
         parameters: those that do not vary.
         grid: name to values; every combination is run.
+        table: the rows of a table of yade-batch, in place of a grid; None without one.
+        table_file: the table they were read from.
         run: how to run.
         analysis, compare: options as the file has them; the steps that take them check them.
         source: the file it was read from.
@@ -94,33 +88,37 @@ class Study:
     seeds: tuple[int, ...]
     parameters: Mapping[str, Scalar]
     grid: Mapping[str, tuple[Scalar, ...]]
+    table: tuple[batch_table.Row, ...] | None
+    table_file: Path | None
     run: RunSettings
     analysis: Mapping[str, Any]
     compare: Mapping[str, Any]
     source: Path
 
     def planned_runs(self) -> tuple[PlannedRun, ...]:
-        """Return every run of the study, grid outermost, seeds innermost. InputError when two would be the same."""
+        """Return every run: grid or table outermost, seeds innermost. InputError when two would be the same."""
         planned = []
-        for values in itertools.product(*self.grid.values()):
-            varied = dict(zip(self.grid, values, strict=True))
-            for seed in self.seeds:
-                given = {**self.parameters, **varied, "seed": seed}
+        for point, varied in self._points():
+            for seed in (point[SEED],) if SEED in point else self.seeds:
+                given = {**self.parameters, **point, SEED: seed}
                 complete = _checked_parameters(given, self.script, self.source)
                 identity = complete if self.script == BIAXIAL else {**complete, "script": Path(self.script).name}
                 planned.append(
-                    PlannedRun(
-                        run_id="-".join(
-                            [_readable(name, value) for name, value in varied.items()]
-                            + [f"seed{seed}", run_parameters.fingerprint(identity)]
-                        ),
-                        parameters=MappingProxyType(complete),
-                    )
+                    PlannedRun(run_id=run_id(varied, complete[SEED], identity), parameters=MappingProxyType(complete))
                 )
-        run_id, n_runs = Counter(run.run_id for run in planned).most_common(1)[0]
+        most, n_runs = Counter(run.run_id for run in planned).most_common(1)[0]
         if n_runs > 1:
-            raise InputError(f"{self.source}: two runs have the same parameters ({run_id}); name every value once")
+            raise InputError(f"{self.source}: two runs have the same parameters ({most}); name every value once")
         return tuple(planned)
+
+    def _points(self) -> Iterator[tuple[Mapping[str, Scalar], Mapping[str, Scalar]]]:
+        """Yield the parameters of each point, and those of them that its ids tell."""
+        for row in self.table or ():
+            yield row.values, row.varied
+        if self.table is None:
+            for values in itertools.product(*self.grid.values()):
+                point = dict(zip(self.grid, values, strict=True))
+                yield point, point
 
 
 def read_study(path: Path, *, script_needed: bool = True) -> Study:
@@ -137,7 +135,7 @@ def read_study(path: Path, *, script_needed: bool = True) -> Study:
         raise InputError(f"{path}: cannot be read: {error}") from None
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: not TOML: {error}") from None
-    known = {"name", "script", "seeds", "parameters", "grid", "analysis", "run", "compare"}
+    known = {"name", "script", "seeds", "table", "parameters", "grid", "analysis", "run", "compare"}
     _refuse_unknown(content, known, path, "")
     tables = {}
     for name in ("parameters", "grid", "analysis", "run", "compare"):
@@ -153,6 +151,8 @@ def read_study(path: Path, *, script_needed: bool = True) -> Study:
         seeds=_seeds(content.get("seeds", [1]), path),
         parameters=MappingProxyType(tables["parameters"]),
         grid=MappingProxyType(_grid(tables["grid"], path)),
+        table=_table(content, path) if "table" in content else None,
+        table_file=path.parent / content["table"] if "table" in content else None,
         run=_run_settings(tables["run"], path),
         analysis=MappingProxyType(tables["analysis"]),
         compare=MappingProxyType(tables["compare"]),
@@ -244,6 +244,24 @@ def _grid(table: Mapping[str, Any], path: Path) -> dict[str, tuple[Scalar, ...]]
     return grid
 
 
+def _table(content: Mapping[str, Any], path: Path) -> tuple[batch_table.Row, ...]:
+    name = content["table"]
+    if not isinstance(name, str) or Path(name).name != name:
+        raise InputError(f"{path}: table: expected the name of a table beside this file, found {name!r}")
+    if "grid" in content:
+        raise InputError(f"{path}: table and [grid]: each says what varies; keep one")
+    try:
+        rows = batch_table.read(path.parent / name)
+    except batch_table.TableError as error:
+        raise InputError(str(error)) from None
+    for row in rows:
+        twice = sorted(row.values.keys() & content.get("parameters", {}).keys())
+        twice += [SEED] if "seeds" in content and SEED in row.values else []
+        if twice:
+            raise InputError(f"{path}: {twice[0]!r} stands in {name} as well; keep one")
+    return tuple(rows)
+
+
 def _run_settings(table: Mapping[str, Any], path: Path) -> RunSettings:
     _refuse_unknown(table, {item.name for item in fields(RunSettings)}, path, "run")
     for name, value in table.items():
@@ -267,8 +285,3 @@ def _checked_parameters(given: Mapping[str, Any], script: str, path: Path) -> di
         if not isinstance(value, bool | int | float | str):
             raise InputError(f"{path}: {name}: expected a number, a string, true or false, found {value!r}")
     return dict(given)
-
-
-def _readable(name: str, value: Scalar) -> str:
-    number = f"{value:g}" if isinstance(value, float) else str(value)
-    return re.sub(r"[^\w.+]", "_", f"{SHORT_NAMES.get(name, name)}{number}")

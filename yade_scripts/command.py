@@ -9,7 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from yade_scripts import checkpoint, export_format, parameters, recorder, run_folder
+from yade_scripts import batch_table, checkpoint, export_format, parameters, recorder, run_folder
+from yade_scripts.run_id import run_id
 
 try:
     import yade
@@ -20,6 +21,7 @@ except ImportError:
 Run = Callable[[Mapping[str, Any], Path, Path, float], None]
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
+RUNS = "runs"
 
 
 def main(
@@ -31,8 +33,16 @@ def main(
         description=(about or "").split("\n\n", maxsplit=1)[0],
         epilog="parameters: " + ", ".join(parameter.name for parameter in table),
     )
-    parser.add_argument("parameters", type=Path, metavar="PARAMETERS.json", help="one JSON object of names and values")
-    parser.add_argument("--folder", type=Path, help="the run's folder (default: that of PARAMETERS.json)")
+    parser.add_argument(
+        "parameters",
+        type=Path,
+        nargs="?",
+        metavar="PARAMETERS.json",
+        help="one JSON object of names and values; under yade-batch, a line of its table instead",
+    )
+    parser.add_argument(
+        "--folder", type=Path, help="the run's folder (default: that of PARAMETERS.json; TABLE's name/runs/RUN-ID)"
+    )
     parser.add_argument("--packings", type=Path, help="prepared packings (default: `packings` beside `runs`)")
     parser.add_argument(
         "--checkpoint-every",
@@ -42,18 +52,19 @@ def main(
         help="save the state this often; a killed run goes on from there (default: %(default)g)",
     )
     options = parser.parse_args(arguments)
-    folder = (options.folder or options.parameters.parent).resolve()
-    beside = folder.parent.parent if folder.parent.name == "runs" else folder
-    packings = (options.packings or beside / "packings").resolve()
     try:
-        values = run_folder.read_parameters(options.parameters, table)
+        values, folder = _asked_for(options.parameters, options.folder, table)
     except (OSError, ValueError) as error:
-        print(f"{options.parameters}: {error}", file=sys.stderr)
+        print(error, file=sys.stderr)
         return BAD_INPUT
+    beside = folder.parent.parent if folder.parent.name == RUNS else folder
+    packings = (options.packings or beside / "packings").resolve()
     if yade is None:
         print(run_folder.NO_YADE, file=sys.stderr)
         return BAD_INPUT
     started = run_folder.now()
+    if options.parameters is None:
+        run_folder.write_json(folder, export_format.PARAMETERS, values)
     (folder / export_format.MANIFEST).unlink(missing_ok=True)  # whatever happens now, the old one is no longer true
     try:
         run(values, folder, packings, options.checkpoint_every)
@@ -66,3 +77,24 @@ def main(
         run_folder.write_json(folder, export_format.MANIFEST, manifest, durable=True)
         return FAILED
     return DONE
+
+
+def _asked_for(
+    file: Path | None, folder: Path | None, table: tuple[parameters.Parameter, ...]
+) -> tuple[dict[str, Any], Path]:
+    """Parameters and folder of the run: of a parameter file, or of the line that yade-batch has started."""
+    if file is not None:
+        try:
+            return run_folder.read_parameters(file, table), (folder or file.parent).resolve()
+        except (OSError, ValueError) as error:
+            raise ValueError(f"{file}: {error}") from None
+    asked = batch_table.asked_for()
+    if asked is None:
+        raise ValueError("expected PARAMETERS.json, or a line of a table from yade-batch; --help tells more")
+    path, line = asked
+    rows = {row.line: row for row in batch_table.runs(path, table)}
+    if line not in rows:
+        raise ValueError(f"{path}:{line}: expected the line of a run, one of {', '.join(map(str, rows))}")
+    values = parameters.check(rows[line].values, table)
+    name = run_id(rows[line].varied, values["seed"], values)
+    return values, (folder or path.parent / path.stem / RUNS / name).resolve()

@@ -252,6 +252,8 @@ def _keep_study(study: Study, directory: Path) -> None:
     kept = directory / STUDY_COPY
     if not kept.exists() or not kept.samefile(study.source):
         _write(kept, study.source.read_text(encoding="utf-8"))
+        if study.table_file is not None:
+            _write(directory / study.table_file.name, study.table_file.read_text(encoding="utf-8"))
     _write(directory / PLAN, plan_text(study))
 
 
