@@ -93,6 +93,7 @@ def write_reduced(analysis: Analysis, names: Sequence[str], source: Mapping[str,
         if run.manifest is None or run.reduced:
             found = "already reduced ones" if run.reduced else "tables without run.json"
             raise InputError(f"run {run.name}: expected a run of this harness with its snapshots, found {found}")
+    tables = _contents_of_tables(analysis, names)
     if is_reduced(target):
         (target / MARK).unlink()
         shutil.rmtree(target / RUNS, ignore_errors=True)
@@ -101,7 +102,7 @@ def write_reduced(analysis: Analysis, names: Sequence[str], source: Mapping[str,
     kept = pictured_snapshots(analysis)
     for run in runs:
         files += _write_run(run, target, kept.get(run.name, ()))
-    files += _write_tables(analysis, names, target)
+    files += [write(target, f"{analysis.folder.name}/{name}", content) for name, content in tables.items()]
     entries = {product.name: {"bytes": product.size, "sha256": product.sha256} for product in files}
     mark = {"format": FORMAT, "made_by": dict(source), "digits": DIGITS, "files": entries}
     write(target, MARK, (json.dumps(mark, indent=1) + "\n").encode())
@@ -161,7 +162,7 @@ def _write_run(run: Run, target: Path, rows: Sequence[int]) -> list[Product]:
     return [*written, write(target, inside + export_format.MANIFEST, (text + "\n").encode())]
 
 
-def _write_tables(analysis: Analysis, names: Sequence[str], target: Path) -> list[Product]:
+def _contents_of_tables(analysis: Analysis, names: Sequence[str]) -> dict[str, bytes]:
     folder = analysis.folder
     contents = {f"{name}.csv": (folder / f"{name}.csv").read_bytes() for name in names}
     contents["segments.csv"] = _rounded(analysis.segments)
@@ -173,7 +174,7 @@ def _write_tables(analysis: Analysis, names: Sequence[str], target: Path) -> lis
         contents[name] = (folder / name).read_bytes()
     for name in PACKED_TABLES:
         contents[f"{name}.csv{PACKED}"] = pack(contents.pop(f"{name}.csv"))
-    return [write(target, f"{folder.name}/{name}", content) for name, content in contents.items()]
+    return contents
 
 
 def _rounded(segments: pd.DataFrame) -> bytes:
