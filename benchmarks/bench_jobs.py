@@ -1,8 +1,8 @@
 """What a second core is worth: `python benchmarks/bench_jobs.py [DISCS]`. Exit status 1 when the target is missed.
 
-The same four runs by `forcechain run`, one at a time and two at a time on two cores, packings made beforehand; in turns,
-and the median of the ratios, because other work on the machine slows both. The load is told: past the two cores'
-worth it is not this program's time that is measured.
+The same four runs by `forcechain run`, one at a time and two at a time on two cores, packings made beforehand; in
+turns, and the median of the ratios, because other work on the machine slows both. The load is told: when more than
+this is at work, it is not this program's time that is measured.
 """
 
 from __future__ import annotations
