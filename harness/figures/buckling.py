@@ -13,7 +13,7 @@ from forcechain.theory.parameters import ChainParameters
 from forcechain.theory.states import ChainState, Status
 from forcechain.theory.three_particle import loading, straight
 from forcechain.theory.yielding import critical_displacement
-from harness.figures.style import DATA, THEORY, label
+from harness.figures.style import THEORY, label, look
 
 IMPERFECTION_DEG = 2.0  # of the second line, as in the paper's Fig. 4
 POINTS = 400
@@ -80,10 +80,7 @@ def plot_buckling(
 def plot_force(averages: pd.DataFrame, parameters: ChainParameters, *, ax: Axes, name: str) -> Axes:
     """Draw the axial force against the buckling angle alone, on the loading curve of the straight column."""
     largest = max(30.0, 1.15 * float(averages["buckling_angle_deg"].max()))
-    curves = theory_curves(parameters, np.radians(largest))
-    _draw_theory(
-        {name: curves[name] for name in ("straight", "perfect")}, "angle", np.degrees(1.0), "axial_force", 1.0, ax=ax
-    )
+    plot_model_force(parameters, largest, ax=ax)
     _draw_data(averages, "buckling_angle_deg", "axial_force_N", ax=ax, name=name)
     ax.set_xlabel(label(r"buckling angle $\theta$", "deg"))
     ax.set_ylabel(label("axial force $F$", "N"))
@@ -92,14 +89,27 @@ def plot_force(averages: pd.DataFrame, parameters: ChainParameters, *, ax: Axes,
     return ax
 
 
+def plot_model_force(parameters: ChainParameters, largest_angle_deg: float, *, ax: Axes) -> Axes:
+    """Draw the model's axial force against the buckling angle: the straight column, loaded until it buckles and on."""
+    curves = theory_curves(parameters, np.radians(largest_angle_deg))
+    chosen = {name: curves[name] for name in ("straight", "perfect")}
+    return _draw_theory(chosen, "angle", np.degrees(1.0), "axial_force", 1.0, ax=ax)
+
+
 def _draw_theory(curves: dict[str, ChainState], x: str, x_factor: float, y: str, y_factor: float, *, ax: Axes) -> Axes:
+    theory = THEORY | {"color": look().ink}
     looks = {
-        "straight": THEORY,
-        "perfect": THEORY | {"label": "model, straight column"},
-        "imperfect": THEORY
-        | {"color": "0.45", "linestyle": ":", "linewidth": 1.2, "label": f"model, imperfection {IMPERFECTION_DEG:g}°"},
+        "straight": theory,
+        "perfect": theory | {"label": "model, straight column"},
+        "imperfect": theory
+        | {
+            "color": look().soft,
+            "linestyle": ":",
+            "linewidth": 1.2,
+            "label": f"model, imperfection {IMPERFECTION_DEG:g}°",
+        },
     }
-    looks["unloading"] = THEORY | {"linewidth": 0.8, "linestyle": "-.", "label": "model, unloading (4)"}
+    looks["unloading"] = theory | {"linewidth": 0.8, "linestyle": "-.", "label": "model, unloading (4)"}
     for name, state in curves.items():
         ax.plot(
             _defined(state, x_factor * getattr(state, x)), _defined(state, y_factor * getattr(state, y)), **looks[name]
@@ -109,7 +119,7 @@ def _draw_theory(curves: dict[str, ChainState], x: str, x_factor: float, y: str,
     for row in changes:
         if perfect.stage[row - 1] == "1a":
             continue
-        ax.plot(x_factor * getattr(perfect, x)[row], y_factor * getattr(perfect, y)[row], "|", color="black", ms=8)
+        ax.plot(x_factor * getattr(perfect, x)[row], y_factor * getattr(perfect, y)[row], "|", color=look().ink, ms=8)
     for first, last in zip([0, *changes], [*changes, len(perfect.stage)], strict=True):
         if last - first < POINTS // 20:
             continue
@@ -121,7 +131,7 @@ def _draw_theory(curves: dict[str, ChainState], x: str, x_factor: float, y: str,
             textcoords="offset points",
             fontsize=8,
             ha="center",
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.8},
+            bbox={"facecolor": look().page, "edgecolor": "none", "pad": 0.6, "alpha": 0.8},
         )
     return ax
 
@@ -132,8 +142,8 @@ def _draw_data(data: pd.DataFrame, x: str, y: str, *, ax: Axes, name: str) -> Ax
         data[y],
         yerr=2 * data[f"{y}_se"].fillna(0),
         fmt="o",
-        color=DATA,
-        ecolor="#9CC5E3",
+        color=look().data,
+        ecolor=look().data_soft,
         markersize=3.5,
         elinewidth=0.8,
         zorder=3,
@@ -141,7 +151,9 @@ def _draw_data(data: pd.DataFrame, x: str, y: str, *, ax: Axes, name: str) -> Ax
     )
     # Along x the points share one error, that of the initial value, so it is drawn at the two ends alone.
     ends = data.iloc[[0, -1]]
-    ax.errorbar(ends[x], ends[y], xerr=2 * ends[f"{x}_se"].fillna(0), fmt="none", ecolor=DATA, elinewidth=0.6, zorder=2)
+    ax.errorbar(
+        ends[x], ends[y], xerr=2 * ends[f"{x}_se"].fillna(0), fmt="none", ecolor=look().data, elinewidth=0.6, zorder=2
+    )
     return ax
 
 

@@ -10,9 +10,8 @@ from matplotlib.collections import EllipseCollection, LineCollection
 
 from forcechain.arrays import BoolArray, FloatArray, IntArray
 from forcechain.observe.snapshot import Snapshot
-from harness.figures.style import CLASS_COLOURS, STRONG
+from harness.figures.style import CLASS_COLOURS, STRONG, look
 
-PLAIN_DISC = {"facecolors": "0.93", "edgecolors": "0.78"}
 CLASS_NAMES = {0: "not classed", 1: "both elastic", 2: "together", 3: "support first", 4: "chain moment first"}
 
 
@@ -20,16 +19,16 @@ def plot_discs(snapshot: Snapshot, *, ax: Axes, members: BoolArray | None = None
     """Draw every disc; those in `members` (n_particles,) filled with `colour`. Axes in millimetres."""
     if members is None:
         members = np.zeros(snapshot.n_particles, dtype=bool)
-    _fill(snapshot, ~members, ax=ax, **PLAIN_DISC)
-    _fill(snapshot, members, ax=ax, facecolors=colour, edgecolors="white")
+    _fill(snapshot, ~members, ax=ax, facecolors=look().disc, edgecolors=look().disc_edge)
+    _fill(snapshot, members, ax=ax, facecolors=colour, edgecolors=look().chain_edge)
     return _frame(snapshot, ax)
 
 
-def plot_forces(snapshot: Snapshot, *, ax: Axes, colour: str = "black", full_width: float = 3.0) -> Axes:
+def plot_forces(snapshot: Snapshot, *, ax: Axes, colour: str | None = None, full_width: float = 3.0) -> Axes:
     """Draw every contact's normal force as a line between the centres, as wide as the force is large.
 
     `full_width` is the width in points of the 99.5th percentile of the forces, in a packing of 600 discs; it shrinks
-    with the discs of a larger one.
+    with the discs of a larger one. Without a `colour` that of the writing.
     """
     if snapshot.n_contacts == 0:
         return _frame(snapshot, ax)
@@ -39,7 +38,7 @@ def plot_forces(snapshot: Snapshot, *, ax: Axes, colour: str = "black", full_wid
     scale = np.percentile(snapshot.normal_force, 99.5)
     full_width *= min(1.0, np.sqrt(600 / snapshot.n_particles))
     width = full_width * snapshot.normal_force / scale if scale > 0 else np.zeros(snapshot.n_contacts)
-    ax.add_collection(LineCollection(list(lines), linewidths=width, colors=colour, capstyle="round"))
+    ax.add_collection(LineCollection(list(lines), linewidths=width, colors=colour or look().ink, capstyle="round"))
     return _frame(snapshot, ax)
 
 
@@ -52,9 +51,9 @@ def plot_segments(snapshot: Snapshot, segments: IntArray, classes: IntArray, *, 
         if len(of_class) == 0:
             continue
         colour = CLASS_COLOURS.get(number, "0.4")
-        _fill(snapshot, np.unique(of_class), ax=ax, facecolors=colour, edgecolors="white", alpha=0.75)
+        _fill(snapshot, np.unique(of_class), ax=ax, facecolors=colour, edgecolors=look().chain_edge, alpha=0.75)
         lines = list(1e3 * snapshot.position[of_class])
-        ax.add_collection(LineCollection(lines, linewidths=width, colors="black", capstyle="round"))
+        ax.add_collection(LineCollection(lines, linewidths=width, colors=look().ink, capstyle="round"))
         ax.plot([], [], "o", color=colour, markersize=6, label=f"{name} ({len(of_class)})")
     return _frame(snapshot, ax)
 

@@ -32,6 +32,7 @@ from harness.text_table import number
 MOST_LINES = 6  # runs of one figure
 COLOURS = 256  # of a bitmap on the page: a quarter of the bytes, no difference to the eye
 MM_AN_INCH = 25.4
+LEAST_HEIGHT = 2.5  # inch
 LONG_DECIMALS = re.compile(rb"(\.\d\d)\d+")
 
 
@@ -57,7 +58,8 @@ class Picture:
     def render(self, kind: str, *, dark: bool = False, width_mm: float | None = None, dpi: float = 150.0) -> bytes:
         """Return the figure as a file of `kind` ("svg", "png" or "pdf"), the same bytes each time.
 
-        `width_mm` changes its size, not that of its letters; `dpi` is that of a PNG.
+        `width_mm` changes its size but not that of its letters, so its height shrinks to `LEAST_HEIGHT` at most;
+        `dpi` is that of a PNG.
         """
         buffer = io.BytesIO()
         metadata: Mapping[str, dict[str, None]] = {
@@ -67,7 +69,8 @@ class Picture:
         }
         factor = 1.0 if width_mm is None else width_mm / MM_AN_INCH / self.size[0]
         with style(dark=dark):
-            figure = plt.figure(figsize=(factor * self.size[0], factor * self.size[1]))
+            width, height = self.size
+            figure = plt.figure(figsize=(factor * width, max(factor * height, min(height, LEAST_HEIGHT))))
             try:
                 self.draw(figure)
                 figure.savefig(buffer, format=kind, metadata=metadata[kind], dpi=dpi)

@@ -16,6 +16,7 @@ from harness.comparing.comparison import ModelCurves
 from harness.comparing.verdicts import Row, Verdict
 from harness.reading import validity
 from harness.reading.exports import Run
+from harness.report.scenes import Scene
 from harness.study import RunSettings
 from harness.text_table import number, with_error
 
@@ -72,11 +73,16 @@ def validity_table(analysis: Analysis, settings: RunSettings, runs: Mapping[str,
     ]
     rows += [[name, reason, "-", "-", "-", "FAIL"] for name, reason in analysis.left_out.items()]
     return Table(
-        caption="First question: did each run go validly? Only valid runs are compared.",
+        caption=f"Was each run valid? {_count_valid(analysis)}. Only valid runs are compared.",
         header=["run", "figure", "value", "at least", "at most", "verdict"],
         rows=rows,
         numeric=frozenset({2, 3, 4}),
     )
+
+
+def _count_valid(analysis: Analysis) -> str:
+    runs, out = len(analysis.runs), len(analysis.left_out)
+    return f"{runs} are, {out} left out" if out else f"All {runs} are" if runs > 1 else "It is"
 
 
 def _pass(passed: bool) -> str:
@@ -117,7 +123,7 @@ def average_table(case: str, analysis: Analysis) -> Table:
     ]
     header = ["increment", "strain since start", "segments", *[name.replace("_", " ") for name in MEASURES]]
     return Table(
-        caption=f"Averages by increment with two standard errors, {case}",
+        caption=f"Averages by increment with two standard errors, {case}.",
         header=header,
         rows=rows,
         numeric=frozenset(range(len(header))),
@@ -158,13 +164,66 @@ def model_table(curves: Mapping[str, ModelCurves]) -> Table:
     )
 
 
-def provenance_table(runs: Mapping[str, Run]) -> Table:
-    """What made each run: versions, seed, host, dates."""
+def provenance_tables(runs: Mapping[str, Run]) -> list[Table]:
+    """What made the runs (versions, seed, host, dates): first what they share, then a row a run with the rest."""
+    told: dict[str, Mapping[str, Any]] = {
+        name: (run.manifest or {}).get("provenance", {"origin": "tables without a manifest"})
+        for name, run in runs.items()
+    }
+    names = list(dict.fromkeys(key for facts in told.values() for key in facts))
+    values = {key: [cell(facts.get(key)) for facts in told.values()] for key in names}
+    shared = [key for key in names if len(set(values[key])) == 1]
+    differing = [key for key in names if key not in shared]
+    tables = [
+        Table(
+            caption="Where the runs come from: what all share.",
+            header=["what", "value"],
+            rows=[[key.replace("_", " "), values[key][0]] for key in shared],
+            numeric=frozenset(),
+        ),
+        Table(
+            caption="Where the runs come from: what differs.",
+            header=["run", *[key.replace("_", " ") for key in differing]],
+            rows=[[name, *[values[key][i] for key in differing]] for i, name in enumerate(told)],
+            numeric=frozenset(),
+        ),
+    ]
+    return [table for table, keys in zip(tables, (shared, differing), strict=True) if keys]
+
+
+def segment_table(scene: Scene, view: Mapping[str, Any]) -> Table:
+    """The buckled segments of one drop at its start and its end, from the explorer's data."""
+    measures = view["measures"]
+    columns = (
+        ("buckling angle [deg]", "buckling_angle_deg"),
+        ("axial force [N]", "axial_force_N"),
+        ("lateral force [N]", "lateral_force_N"),
+        ("normal displacement/R", "normal_displacement_over_R"),
+    )
+    ends = (
+        ("axial displacement/R at the end", "axial_displacement_over_R"),
+        ("rotation at the end [deg]", "rotation_deg"),
+    )
     rows = []
-    for name, run in runs.items():
-        told: Any = (run.manifest or {}).get("provenance", {"origin": "tables without a manifest"})
-        rows += [[name, key.replace("_", " "), cell(value)] for key, value in told.items()]
-    return Table(caption="Where each run comes from.", header=["run", "what", "value"], rows=rows, numeric=frozenset())
+    for place, segment in enumerate(view["segments"]):
+        changes = [f"{number(measures[name][0][place])} to {number(measures[name][-1][place])}" for _, name in columns]
+        rows.append(
+            [
+                str(segment["segment"]),
+                ", ".join(str(particle) for particle in segment["particles"]),
+                f"{segment['class']} {segment['order']}" if segment["class"] else segment["order"],
+                f"{segment['chain']} ({segment['chain_length']} discs)",
+                *changes,
+                *[number(measures[name][-1][place]) for _, name in ends],
+            ]
+        )
+    header = ["segment", "discs", "class", "chain", *[words for words, _ in columns], *[words for words, _ in ends]]
+    return Table(
+        caption=f"Buckled segments of {scene.where}, from the start to the end of the drop.",
+        header=header,
+        rows=rows,
+        numeric=frozenset(range(4, len(header))),
+    )
 
 
 def frame_table(caption: str, frame: pd.DataFrame) -> Table:
