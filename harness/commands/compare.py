@@ -77,7 +77,7 @@ def execute(args: argparse.Namespace) -> int:
         print(json.dumps(document, indent=1, allow_nan=False))
     else:
         for case in analysis.cases:
-            print(f"{analysis.name}: {case}.{size_note(analysis.particle_count(case))}")
+            print(f"{analysis.name}: {case}.{size_note(analysis.particle_count(case), analysis.test(case))}")
             print(render(HEADER, [cells(row) for row in rows if row.case == case], right=(2, 3, 4, 5)))
             print()
         print(summary(rows))

@@ -178,7 +178,9 @@ def _context(
         "tally": _tally(rows, analysis),
         "summary": _summary(rows, analysis),
         "classes": CLASS_NAMES.items(),
-        "verdict_tables": [verdict_table(case, rows, analysis.particle_count(case)) for case in analysis.cases],
+        "verdict_tables": [
+            verdict_table(case, rows, analysis.particle_count(case), analysis.test(case)) for case in analysis.cases
+        ],
         "verdict_words": VERDICT_WORDS,
         "validity_table": validity_table(analysis, settings, runs),
         "all_valid": not analysis.left_out,

@@ -16,6 +16,7 @@ from harness.comparing.comparison import ModelCurves
 from harness.comparing.verdicts import Row, Verdict
 from harness.reading import validity
 from harness.reading.exports import Run
+from harness.reading.tested import BIAXIAL
 from harness.report.scenes import Scene
 from harness.study import RunSettings
 from harness.text_table import number, with_error
@@ -31,17 +32,19 @@ class Table:
     numeric: frozenset[int]
 
 
-def size_note(particle_count: int) -> str:
-    """Say that the paper's sample was of another size, where it was."""
+def size_note(particle_count: int, test: str = BIAXIAL) -> str:
+    """Say that the paper's sample was of another size, or that its numbers are not of this test."""
+    if test != BIAXIAL:
+        return f" {particle_count} discs; the paper's numbers are printed for its biaxial test and not held against it."
     if particle_count == paper.PARTICLE_COUNT:
         return ""
     return f" {particle_count} discs; the paper's numbers are printed for {paper.PARTICLE_COUNT}."
 
 
-def verdict_table(case: str, rows: Sequence[Row], particle_count: int) -> Table:
+def verdict_table(case: str, rows: Sequence[Row], particle_count: int, test: str = BIAXIAL) -> Table:
     """Every row of the comparison of one case, with its verdict and what there is to say about it."""
     return Table(
-        caption=f"Model, data and paper, {case}." + size_note(particle_count),
+        caption=f"Model, data and paper, {case}." + size_note(particle_count, test),
         header=["quantity", "verdict", "data ± 2 s.e.", "model", "paper", "unit", "n", "tolerance", "n.r.m.s.", "note"],
         rows=[
             [
@@ -90,7 +93,8 @@ def _pass(passed: bool) -> str:
 
 
 def class_table(case: str, analysis: Analysis) -> Table:
-    """Order of yielding of one case beside the print."""
+    """Order of yielding of one case, beside the print where it is a biaxial test as the paper's."""
+    biaxial = analysis.test(case) == BIAXIAL
     shares = analysis.classes[analysis.classes["case"] == case]
     friction = analysis.runs.loc[analysis.runs["case"] == case, "rolling_friction"].iloc[0]
     printed = next((row for value, row in paper.TABLE_1.items() if np.isclose(value, friction)), None)
@@ -101,12 +105,18 @@ def class_table(case: str, analysis: Analysis) -> Table:
             paper.CLASS_WORDS[int(key)] if key.isdigit() else "a contact of the chain slides before its moment yields"
         )
         reference = "< 5" if not key.isdigit() else number(printed[int(key) - 1]) if printed else "-"
+        reference = reference if biaxial else "-"
         share = with_error(record["percent"], record["percent_se"])
         rows.append([key, words, f"{record['segments']} of {record['of']}", share, reference])
     return Table(
         caption=f"Order of yielding among buckled segments, {case} (the paper's Table 1; shown, not judged: it moves "
-        "with the length of an increment and the reach of the ring of neighbours). The paper calls classes 2 and 4 "
-        "together 'consistently the majority'; its own numbers add up to 48.8 % at a rolling friction of 0.2.",
+        "with the length of an increment and the reach of the ring of neighbours). "
+        + (
+            "The paper calls classes 2 and 4 together 'consistently the majority'; its own numbers add up to 48.8 % at "
+            "a rolling friction of 0.2."
+            if biaxial
+            else "The paper counts it for its biaxial test alone."
+        ),
         header=["class", "meaning", "segments", "% ± 2 s.e.", "paper %"],
         rows=rows,
         numeric=frozenset({2, 3, 4}),
