@@ -72,7 +72,7 @@ class Study:
 
     Attributes:
         name: also the name of its folder of results.
-        script: "biaxial", or the absolute path of a script of the user's own (in a run's id, its name counts).
+        script: "biaxial", "punch", or the absolute path of a script of the user's own (in a run's id its name counts).
         seeds: one run for each, at every point of the grid.
         parameters: those that do not vary.
         grid: name to values; every combination is run.
@@ -102,7 +102,9 @@ class Study:
             for seed in (point[SEED],) if SEED in point else self.seeds:
                 given = {**self.parameters, **point, SEED: seed}
                 complete = _checked_parameters(given, self.script, self.source)
-                identity = complete if self.script == BIAXIAL else {**complete, "script": Path(self.script).name}
+                identity = (
+                    complete if self.script in run_parameters.TESTS else {**complete, "script": Path(self.script).name}
+                )
                 planned.append(
                     PlannedRun(run_id=run_id(varied, complete[SEED], identity), parameters=MappingProxyType(complete))
                 )
@@ -205,7 +207,7 @@ def _refuse_unknown(given: Mapping[str, Any], known: set[str], path: Path, table
         if name in known:
             continue
         place = f"[{table}] " if table else ""
-        if not table and name in {parameter.name for parameter in run_parameters.BIAXIAL}:
+        if not table and name in {parameter.name for test in run_parameters.TESTS.values() for parameter in test}:
             hint = "it is a parameter: put it under [parameters] or [grid]"
         else:
             close = difflib.get_close_matches(name, known, 1)
@@ -214,13 +216,14 @@ def _refuse_unknown(given: Mapping[str, Any], known: set[str], path: Path, table
 
 
 def _script(value: Any, path: Path, needed: bool) -> str:
-    if value == BIAXIAL:
-        return BIAXIAL
+    tests = ", ".join(repr(test) for test in run_parameters.TESTS)
     if not isinstance(value, str):
-        raise InputError(f"{path}: script: expected {BIAXIAL!r} or the path of a script, found {value!r}")
+        raise InputError(f"{path}: script: expected {tests} or the path of a script, found {value!r}")
+    if value in run_parameters.TESTS:
+        return value
     script = (path.parent / value).resolve()
     if needed and not script.is_file():
-        raise InputError(f"{path}: script: expected {BIAXIAL!r} or the path of a script, found no file {script}")
+        raise InputError(f"{path}: script: expected {tests} or the path of a script, found no file {script}")
     return str(script)
 
 
@@ -276,9 +279,9 @@ def _run_settings(table: Mapping[str, Any], path: Path) -> RunSettings:
 
 
 def _checked_parameters(given: Mapping[str, Any], script: str, path: Path) -> dict[str, Scalar]:
-    if script == BIAXIAL:
+    if script in run_parameters.TESTS:
         try:
-            return run_parameters.check(given)
+            return run_parameters.check(given, run_parameters.TESTS[script])
         except run_parameters.ParameterError as error:
             raise InputError(f"{path}: {error}") from None
     for name, value in given.items():  # a script of the user's own checks its own parameters

@@ -79,7 +79,7 @@ def test_an_id_tells_every_parameter_and_does_not_care_how_it_was_given(tmp_path
         ("seeds = []", "seeds: expected whole numbers from 0"),
         ("grid = 3", "grid: expected a table [grid], found 3"),
         ("name = '../up'", "name: expected letters"),
-        ("script = 'biaxal'", "script: expected 'biaxial' or the path of a script, found no file"),
+        ("script = 'biaxal'", "script: expected 'biaxial', 'punch' or the path of a script, found no file"),
         ("[run]\njob = 2", "[run] unknown key 'job'; did you mean 'jobs'?"),
         ("[run]\njobs = 0", "[run] jobs: expected a whole number above 0, found 0"),
         ("[run]\nretries = -1", "[run] retries: expected a whole number from 0, found -1"),
