@@ -26,6 +26,7 @@ LOCK = ".lock"
 RUN_LOCKS = ".locks"  # one for each run and packing, held by the process that makes it
 LOCK_PATIENCE_S = 5.0  # a killed harness's runs are ended by the kernel, which takes a moment
 LOG_TAIL = 2000  # bytes
+OWNER_FOLDER = 0o700  # a YADE that is run by its command writes the cookie of its prompt
 
 
 class Display(Protocol):
@@ -244,7 +245,7 @@ def _clean(directory: Path, run: PlannedRun) -> None:
         return
     if folder.exists():
         shutil.rmtree(folder)
-    folder.mkdir(parents=True)
+    folder.mkdir(mode=OWNER_FOLDER, parents=True)
 
 
 def _keep_study(study: Study, directory: Path) -> None:
