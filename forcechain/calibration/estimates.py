@@ -12,6 +12,7 @@ from forcechain.calibration.bounded_fit import STEP, fit_many
 from forcechain.calibration.column_fit import FITTED_MEASURES, SMALLEST, ColumnFit
 from forcechain.calibration.resampling import Means, jackknife_error
 from forcechain.calibration.result import Estimate, Goodness, Identified, Interval
+from forcechain.theory.parameters import ChainParameters
 
 FITTED = ("chain_tangential_stiffness", "lateral_stiffness")
 CALIBRATED = (*FITTED, "lateral_strength")
@@ -20,6 +21,7 @@ EDGE = 1e-3  # of the admissible range: closer to its end a fit stands at the bo
 MOST_OF_RANGE = 0.95  # an interval that wide tells nothing
 NOTHING = 1e-10  # sum of squares a parameter moves per its own size: less is the rounding of finite differences
 GRID = 24  # points of a search in each direction
+LEAST_ERROR = 1e-6  # of kn R or of 1: weighs data whose segments are all alike
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +53,20 @@ class Resampling:
 
     segments: int
     n_runs: int
+
+
+def measure_errors(sets: Means, resampling: Resampling, parameters: ChainParameters) -> FloatArray:
+    """Standard errors (4,) of `FITTED_MEASURES`, the larger of over segments and runs, rms over the increments."""
+    n = resampling.segments
+    errors = []
+    for name in FITTED_MEASURES:
+        values = getattr(sets, name)
+        every = values[:n].std(axis=0, ddof=1)
+        if resampling.n_runs > 1:
+            every = np.maximum(every, [jackknife_error(column) for column in values[n:].T])
+        scale = float(parameters.normal_stiffness * parameters.radius) if name == "axial_force" else 1.0
+        errors.append(max(float(np.sqrt((every**2).mean())), LEAST_ERROR * scale))
+    return np.array(errors)
 
 
 def intervals(

@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 
 from forcechain.arrays import FloatArray
 from forcechain.calibration.bounded_fit import fit_many
-from forcechain.calibration.column_fit import FITTED_MEASURES, ColumnFit
+from forcechain.calibration.column_fit import ColumnFit
 from forcechain.calibration.estimates import (
     CALIBRATED,
     GRID,
@@ -27,11 +27,11 @@ from forcechain.calibration.estimates import (
     estimate,
     goodness,
     information_shares,
+    measure_errors,
 )
 from forcechain.calibration.resampling import (
     Means,
     SegmentHistories,
-    jackknife_error,
     resampled_segments,
     weighted_means,
     without_each_run,
@@ -41,7 +41,6 @@ from forcechain.theory.classes import TYPICAL_OVERLAP
 from forcechain.theory.parameters import ChainParameters
 
 MIN_SAMPLES = 40  # fewer have no 2.5 % quantile
-LEAST_ERROR = 1e-6  # of kn R or of 1: weighs data whose segments are all alike
 APART = 0.15  # of the range: how far starts of the search lie from each other
 STARTS = 4
 RIVAL_FACTOR, RIVAL_RISE = 2.0, 12.0  # a minimum of the data that is less deep is the deepest of hardly any resample
@@ -91,7 +90,7 @@ def calibrate(
         fixed=reference,
         imperfect=column is Column.IMPERFECT,
         bound=largest_overlap - largest_overlap**2 / 2,
-        errors=_errors(sets, resampling, reference),
+        errors=measure_errors(sets, resampling, reference),
     )
     starts = _search(fit, data)
     best = starts[0]
@@ -133,20 +132,6 @@ def _check(runs: Sequence[SegmentHistories], reference: ChainParameters, largest
         raise ValueError(f"largest_overlap: expected above 0 and below 1 (of the radius), found {largest_overlap:g}")
     if samples < MIN_SAMPLES:
         raise ValueError(f"samples: expected at least {MIN_SAMPLES}, found {samples}")
-
-
-def _errors(sets: Means, resampling: Resampling, p: ChainParameters) -> FloatArray:
-    """Standard error of each measure, the larger of that over segments and over runs, rms over the increments."""
-    n = resampling.segments
-    errors = []
-    for name in FITTED_MEASURES:
-        values = getattr(sets, name)
-        every = values[:n].std(axis=0, ddof=1)
-        if resampling.n_runs > 1:
-            every = np.maximum(every, [jackknife_error(column) for column in values[n:].T])
-        least = LEAST_ERROR * (float(p.normal_stiffness * p.radius) if name == "axial_force" else 1.0)
-        errors.append(max(float(np.sqrt((every**2).mean())), least))
-    return np.array(errors)
 
 
 def _search(fit: ColumnFit, data: Means) -> FloatArray:

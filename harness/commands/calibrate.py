@@ -11,6 +11,7 @@ import numpy as np
 from forcechain.calibration import Calibration, Column, Estimate, Identified
 from harness.analysing.analysis import analyse
 from harness.commands.analyse import tell_left_out
+from harness.comparing import stretches
 from harness.comparing.calibrations import as_plain, calibrate_study, write_parameters
 from harness.comparing.comparison import calibrated_ratios
 from harness.errors import EXIT_GOOD
@@ -26,6 +27,11 @@ FIT_HEADER = ("column", "measure", "n.r.m.s. calibrated", "95 % interval", "n.r.
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("directory", metavar="DIR", type=Path, help="a study's folder, or a single run's")
+    parser.add_argument(
+        "--longer",
+        action="store_true",
+        help="also fit columns of 3, 4 and 5 particles to stretches of a chain of that length (some 20 s a case)",
+    )
     parser.add_argument("--json", action="store_true", help="print everything as JSON")
 
 
@@ -85,16 +91,20 @@ def execute(args: argparse.Namespace) -> int:
     ratios = calibrated_ratios(study.compare, str(study.source)) if study else {}
     analysis = analyse(args.directory)
     found, without = calibrate_study(analysis, ratios)
-    path = write_parameters(analysis, found, without)
+    longer = stretches.calibrate_stretches(analysis, found) if args.longer else {}
+    plain = {case: stretches.as_plain(fits) for case, fits in longer.items()}
+    path = write_parameters(analysis, found, without, plain)
     if args.json:
         cases = {case: {c.value: as_plain(one) for c, one in both.items()} for case, both in found.items()}
-        document = {"parameters": str(path), "cases": cases, "not_calibrated": without}
+        document = {"parameters": str(path), "cases": cases, "stretches": plain, "not_calibrated": without}
         print(json.dumps(document | {"left_out": dict(analysis.left_out)}, indent=1, allow_nan=False))
     else:
         for case, both in found.items():
             first = next(iter(both.values()))
             print(f"{analysis.name}: {case}. {first.n_segments} segments of {first.n_runs} runs.")
             print(tables(both))
+            if case in longer:
+                print(f"\n{stretches.text(longer[case])}")
             print()
         for case, why in without.items():
             print(f"{analysis.name}: {case}: not calibrated: {why}")

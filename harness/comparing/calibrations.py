@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -87,9 +88,15 @@ def calibrate_study(
 
 
 def write_parameters(
-    analysis: Analysis, found: Mapping[str, Mapping[Column, Calibration]], without: Mapping[str, str]
+    analysis: Analysis,
+    found: Mapping[str, Mapping[Column, Calibration]],
+    without: Mapping[str, str],
+    stretches: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
 ) -> Path:
-    """Write `parameters.toml` among the tables of the analysis, whole or not at all, and return its path."""
+    """Write `parameters.toml` among the tables of the analysis, whole or not at all, and return its path.
+
+    `stretches` are the plain values of longer columns by case, where they were fitted.
+    """
     content = {
         "study": analysis.name,
         "method": METHOD,
@@ -101,7 +108,10 @@ def write_parameters(
         },
         "not_calibrated": dict(without) or None,
         "cases": [
-            {"name": case} | {column.value: as_plain(found[case][column]) for column in found[case]} for case in found
+            {"name": case}
+            | {column.value: as_plain(found[case][column]) for column in found[case]}
+            | {"stretches": stretches.get(case)}
+            for case in found
         ],
     }
     write(analysis.folder, PARAMETERS, dumps(content).encode())
