@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from run_folders import write_manifest, write_run
 
-from yade_scripts import packing
+from yade_scripts import packing, run_folder
 
 
 def note(name: str, text: str) -> None:
@@ -39,7 +39,7 @@ def progress(folder: Path) -> None:
         "seconds_left": 75.0,
         "time": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
     }
-    (folder / "progress.json").write_text(json.dumps(told))
+    run_folder.write_json(folder, "progress.json", told)
 
 
 def hang(folder: Path) -> None:
@@ -47,7 +47,9 @@ def hang(folder: Path) -> None:
     child = subprocess.Popen(["sleep", "1000"])
     progress(folder)
     note("processes.txt", f"{os.getpid()}\n{child.pid}")
-    time.sleep(1000)
+    while True:
+        time.sleep(5)
+        progress(folder)
 
 
 def make_run(folder: Path, values: dict[str, object], what: str) -> int:
@@ -60,6 +62,9 @@ def make_run(folder: Path, values: dict[str, object], what: str) -> int:
         os.kill(os.getpid(), signal.SIGKILL)
     if what == "hang":
         hang(folder)
+    if what == "no room":
+        with Path("/dev/full").open("wb") as device:
+            device.write(b"a snapshot")
     if what == "fail":
         write_manifest(folder, values, status="failed", failure="the servo was lost at strain 0.03")
         return 1
