@@ -15,7 +15,7 @@ from yade_run_files import BIAXIAL, SMALL, RunScript
 from harness.running.yade_environment import Yade, find_yade
 from yade_scripts import export_format
 
-collect_ignore = ["stress_probe.py", "save_states.py"]  # for YADE's Python, not for this one
+collect_ignore = ["stress_probe.py", "options_probe.py", "save_states.py"]  # for YADE's Python, not for this one
 
 
 @pytest.fixture(scope="session")
@@ -42,10 +42,10 @@ def run_script(yade: Yade) -> RunScript:
 
 @pytest.fixture
 def killed_at_checkpoint(yade: Yade) -> Callable[..., None]:
-    """Begin a run and kill it once it has saved its state: killed_at_checkpoint(file of parameters)."""
+    """Begin a run and kill it once it has saved its state: killed_at_checkpoint(file of parameters, script)."""
 
-    def begin_and_kill(file: Path) -> None:
-        command = yade.invocation(BIAXIAL, [str(file), "--checkpoint-every", "0.1"])
+    def begin_and_kill(file: Path, script: Path = BIAXIAL) -> None:
+        command = yade.invocation(script, [str(file), "--checkpoint-every", "0.1"])
         with subprocess.Popen(command, env=yade.environment(), stdout=subprocess.DEVNULL) as process:
             try:
                 deadline = time.monotonic() + 300
