@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from forcechain.arrays import BoolArray, IntArray
+from forcechain.arrays import BoolArray, FloatArray, IntArray
 from forcechain.observe.snapshot import Snapshot
 from forcechain.theory.parameters import ChainParameters
 from harness.figures.buckling import plot_model_force
-from harness.figures.packing import plot_discs, plot_forces, plot_segments
+from harness.figures.packing import full_width_force, plot_discs, plot_forces, plot_segments
 from harness.figures.style import label, look
 
 ROOM_DEG = 5.0  # beyond the largest mean angle
@@ -31,7 +31,7 @@ class DropFrames:
         classes: IntArray,
         averages: pd.DataFrame | None,
         history: pd.DataFrame | None,
-        strains: tuple[float, float],
+        ends: tuple[Snapshot, Snapshot],
         parameters: ChainParameters | None,
     ) -> None:
         """Lay out the figure.
@@ -42,12 +42,14 @@ class DropFrames:
             classes: (n_buckled,) their classes, 0 to 4.
             averages: `buckling_angle_deg` and `axial_force_N` of the segments, a row an increment; None without any.
             history: the run's, with `axial_strain` and `stress_ratio`; None where it has none.
-            strains: axial strains at which the drop begins and ends.
+            ends: the first snapshot and the last: both, and so what is between, fit into the frame.
             parameters: of the model; None to leave its curve out.
         """
         self.segments, self.classes = segments, classes
         self.averages, self.history = averages, history
-        self.limits: tuple[tuple[float, float], tuple[float, float]] | None = None
+        self.figure, self.limits = figure, _limits(ends)
+        self.full_force = full_width_force(ends[0])  # of all frames, or the fall of the forces could not be seen
+        strains = ends[0].axial_strain, ends[1].axial_strain
         grid = figure.add_gridspec(2, 2, width_ratios=(1.7, 1))
         self.packing = figure.add_subplot(grid[:, 0])
         ratio, force = figure.add_subplot(grid[0, 1]), figure.add_subplot(grid[1, 1])
@@ -79,14 +81,13 @@ class DropFrames:
         self.packing.clear()
         plot_discs(snapshot, ax=self.packing, members=in_chain, colour=look().chain)
         plot_segments(snapshot, self.segments, self.classes, ax=self.packing)
-        plot_forces(snapshot, ax=self.packing)
-        if self.limits is None:
-            self.limits = self.packing.get_xlim(), self.packing.get_ylim()
-        self.packing.set_xlim(*self.limits[0])
-        self.packing.set_ylim(*self.limits[1])
+        plot_forces(snapshot, ax=self.packing, full_force=self.full_force)
+        (left, bottom), (right, top) = self.limits
+        self.packing.set_xlim(left, right)
+        self.packing.set_ylim(bottom, top)
         self.packing.set_title(f"axial strain {snapshot.axial_strain:.4f}")
-        if len(self.segments):
-            self.packing.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=4, columnspacing=1.2)
+        if len(self.segments) and not self.figure.legends:
+            self.figure.legend(*self.packing.get_legend_handles_labels(), loc="outside lower left", ncols=4)
         if self.history is not None:
             strain = snapshot.axial_strain
             ratio = np.interp(strain, self.history["axial_strain"], self.history["stress_ratio"])
@@ -94,3 +95,11 @@ class DropFrames:
         if self.averages is not None:
             row = self.averages.loc[increment]
             self.force_now.set_data([row["buckling_angle_deg"]], [row["axial_force_N"]])
+
+
+def _limits(ends: tuple[Snapshot, Snapshot]) -> tuple[FloatArray, FloatArray]:
+    """Return the corners (2,) that hold every disc of both snapshots, with a little room [mm]."""
+    low = np.min([(one.position - one.radius[:, None]).min(axis=0) for one in ends], axis=0)
+    high = np.max([(one.position + one.radius[:, None]).max(axis=0) for one in ends], axis=0)
+    room = 0.01 * float((high - low).max())
+    return 1e3 * (low - room), 1e3 * (high + room)

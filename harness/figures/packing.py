@@ -24,18 +24,31 @@ def plot_discs(snapshot: Snapshot, *, ax: Axes, members: BoolArray | None = None
     return _frame(snapshot, ax)
 
 
-def plot_forces(snapshot: Snapshot, *, ax: Axes, colour: str | None = None, full_width: float = 3.0) -> Axes:
+def full_width_force(snapshot: Snapshot) -> float:
+    """Return the normal force [N] drawn as wide as a line becomes, the 99.5th percentile; 0 without contacts."""
+    return float(np.percentile(snapshot.normal_force, 99.5)) if snapshot.n_contacts else 0.0
+
+
+def plot_forces(
+    snapshot: Snapshot,
+    *,
+    ax: Axes,
+    colour: str | None = None,
+    full_width: float = 3.0,
+    full_force: float | None = None,
+) -> Axes:
     """Draw every contact's normal force as a line between the centres, as wide as the force is large.
 
-    `full_width` is the width in points of the 99.5th percentile of the forces, in a packing of 600 discs; it shrinks
-    with the discs of a larger one. Without a `colour` that of the writing.
+    `full_width` is the width in points of a force `full_force` [N] in a packing of 600 discs; it shrinks with the discs
+    of a larger one. Without a `full_force` it is the snapshot's own; pictures to be compared need a common one.
+    Without a `colour` lines have that of the writing.
     """
     if snapshot.n_contacts == 0:
         return _frame(snapshot, ax)
     first, second = snapshot.contact_ids[:, 0], snapshot.contact_ids[:, 1]
     end = np.where((second >= 0)[:, None], snapshot.position[np.maximum(second, 0)], snapshot.contact_point)
     lines = 1e3 * np.stack((snapshot.position[first], end), axis=1)
-    scale = np.percentile(snapshot.normal_force, 99.5)
+    scale = full_width_force(snapshot) if full_force is None else full_force
     full_width *= min(1.0, np.sqrt(600 / snapshot.n_particles))
     width = full_width * snapshot.normal_force / scale if scale > 0 else np.zeros(snapshot.n_contacts)
     ax.add_collection(LineCollection(list(lines), linewidths=width, colors=colour or look().ink, capstyle="round"))

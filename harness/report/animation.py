@@ -99,14 +99,17 @@ def _frames(figure: Figure, analysis: Analysis, run: Run, scene: Scene, model: M
         if len(scene.segments)
         else None,
         history=run.history,
-        strains=scene.strains,
+        ends=(scene.start, scene.end),
         parameters=None if model is None else model.parameters,
     )
     for step, row in enumerate(scene.rows):
         if is_there(run, int(row)):
             snapshot = run.snapshot(int(row))
             drawn.show(step, snapshot, find_chains(snapshot, options).in_chain)
+            if row == scene.rows[0]:
+                figure.canvas.draw()  # the layout settles when drawn a second time
             yield
+            figure.set_layout_engine("none")  # drawn once, everything keeps its place
 
 
 def _gif(figure: Figure, frames: Iterator[None]) -> bytes:

@@ -144,7 +144,7 @@ def explorable_drops(
 def _view(
     number: int, scene: Scene, analysis: Analysis, curves: Mapping[str, ModelCurves], runs: Mapping[str, Run]
 ) -> View:
-    start, end = scene.strains
+    start, end = scene.start.axial_strain, scene.end.axial_strain
     data = explorer_view(analysis, runs[scene.run], scene, curves.get(scene.case))
     return View(
         id=f"view-{number}",

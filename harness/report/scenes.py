@@ -26,8 +26,7 @@ class Scene:
         case, run, drop: which: the case, the run's name, the drop's number in it from 1 on.
         rows: (n_increments + 1,) rows of its snapshots in the run's index.
         counts: a sentence on what each filter left.
-        start: the snapshot at its start A.
-        strains: axial strain at A and B.
+        start, end: the snapshots at its start A and its end B.
         in_chain: (n_particles,) is in a force chain at A.
         lost_energy: (n_particles,) has less potential energy at B than at A.
         segments: (n_buckled, 3) particles of the buckled segments.
@@ -40,7 +39,7 @@ class Scene:
     rows: IntArray
     counts: str
     start: Snapshot
-    strains: tuple[float, float]
+    end: Snapshot
     in_chain: BoolArray
     lost_energy: BoolArray
     segments: IntArray
@@ -49,8 +48,8 @@ class Scene:
     @property
     def where(self) -> str:
         """Words for a caption: case, run, drop and its strains."""
-        start, end = self.strains
-        return f"{self.case}, {self.run}, drop {self.drop}, axial strain {start:.4f} to {end:.4f}"
+        strains = f"{self.start.axial_strain:.4f} to {self.end.axial_strain:.4f}"
+        return f"{self.case}, {self.run}, drop {self.drop}, axial strain {strains}"
 
     @property
     def aspect(self) -> float:
@@ -110,7 +109,7 @@ def scene_of(analysis: Analysis, runs: Mapping[str, Run], run: str, drop: int) -
         counts=f"{record['in_chains']} of {record['particles']} discs are in force chains, {record['lost_energy']} of "
         f"them lost potential energy, {record['buckled_segments']} three-particle segments buckled.",
         start=start,
-        strains=(start.axial_strain, end.axial_strain),
+        end=end,
         in_chain=in_chain,
         lost_energy=potential_energy(end, terms) < potential_energy(start, terms),
         segments=yielding[["particle_1", "particle_2", "particle_3"]].to_numpy(dtype=np.int64)
