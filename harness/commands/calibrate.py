@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import argparse
+import io
 import json
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from forcechain.calibration import Calibration, Column, Estimate, Identified
-from harness.analysing.analysis import analyse
+from harness.analysing.analysis import Analysis, analyse
 from harness.commands.analyse import tell_left_out
 from harness.comparing import stretches
 from harness.comparing.calibrations import as_plain, calibrate_study, write_parameters
-from harness.comparing.comparison import calibrated_ratios
+from harness.comparing.comparison import calibrated_ratios, model_parameters
 from harness.errors import EXIT_GOOD
+from harness.figures.calibration import calibration_figure
+from harness.figures.style import style
 from harness.study import study_in
 from harness.text_table import number, render
+from yade_scripts.run_folder import write
 
 HELP = "fit the model's kFC, ks and ls to the buckling data; parameters.toml with intervals"
 EXAMPLE = "forcechain calibrate results/demo"
@@ -31,6 +36,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--longer",
         action="store_true",
         help="also fit columns of 3, 4 and 5 particles to stretches of a chain of that length (some 20 s a case)",
+    )
+    parser.add_argument(
+        "--figures", metavar="FOLDER", type=Path, help="also draw each case: data, curves, profiles (SVG)"
     )
     parser.add_argument("--json", action="store_true", help="print everything as JSON")
 
@@ -94,6 +102,7 @@ def execute(args: argparse.Namespace) -> int:
     longer = stretches.calibrate_stretches(analysis, found) if args.longer else {}
     plain = {case: stretches.as_plain(fits) for case, fits in longer.items()}
     path = write_parameters(analysis, found, without, plain)
+    drawn = _draw(args.figures, analysis, found, longer, ratios) if args.figures is not None else []
     if args.json:
         cases = {case: {c.value: as_plain(one) for c, one in both.items()} for case, both in found.items()}
         document = {"parameters": str(path), "cases": cases, "stretches": plain, "not_calibrated": without}
@@ -108,5 +117,29 @@ def execute(args: argparse.Namespace) -> int:
             print()
         for case, why in without.items():
             print(f"{analysis.name}: {case}: not calibrated: {why}")
-        print(f"written: {path}")
+        print(f"written: {', '.join(str(one) for one in (path, *drawn))}")
     return tell_left_out(analysis.left_out) or EXIT_GOOD
+
+
+def _draw(
+    folder: Path,
+    analysis: Analysis,
+    found: Mapping[str, Mapping[Column, Calibration]],
+    longer: Mapping[str, stretches.StretchFits],
+    ratios: Mapping[str, float],
+) -> list[Path]:
+    """Write a figure a case and return their paths."""
+    written = []
+    for index, (case, both) in enumerate(found.items(), start=1):
+        reference = model_parameters(analysis.runs[analysis.runs["case"] == case], ratios)
+        averages = analysis.averages[analysis.averages["case"] == case]
+        columns = longer[case].fitted if case in longer else None
+        content = io.BytesIO()
+        with style():
+            figure = calibration_figure(averages, both[Column.PERFECT], reference, columns)
+            figure.suptitle(f"{analysis.name}, {case}", fontsize=9)
+            figure.savefig(content, format="svg", metadata={"Date": None})
+        name = f"calibration-{index}.svg"
+        write(folder, name, content.getvalue())
+        written.append(folder / name)
+    return written

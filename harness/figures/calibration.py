@@ -51,7 +51,8 @@ def calibration_figure(
         plot_measure(averages, calibration.parameters, reference, column, attribute, factor, ax=ax)
         since = ", since the start" if column in COUNTED_FROM_START else ""
         ax.set_ylabel(label(symbol, unit) + since)
-    axes[0].legend(fontsize=7)
+    axes[0].set_ylim(top=1.45 * axes[0].get_ylim()[1])  # room for the legend
+    axes[0].legend(fontsize=7, loc="upper right")
     plot_deviations(calibration, ax=axes[4])
     chain, lateral, _ = calibration.estimates
     plot_profile(chain, float(reference.chain_tangential_stiffness / reference.normal_stiffness), ax=axes[5])
@@ -145,7 +146,7 @@ def plot_profile(estimate: Estimate, reference: float, *, ax: Axes) -> Axes:
     ax.set_ylabel("rise of the sum of squares")
     ax.set_ylim(bottom=LEAST_RISE)
     ax.set_title(estimate.identified.value, loc="right", fontsize=8)
-    ax.legend(fontsize=7)
+    ax.legend(fontsize=7, loc="lower right", frameon=True, facecolor=look().page, edgecolor="none", framealpha=0.9)
     return ax
 
 
