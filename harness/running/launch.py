@@ -176,10 +176,8 @@ def _run_task(study: Study, directory: Path, run: PlannedRun, yade: Yade) -> Tas
         script = SCRIPTS / f"{study.script}.py"
         arguments += ["--packings", str(directory / PACKINGS)]
     else:
-        script = Path(study.script)
-        # A script of the user's own finds our export; last, so that nothing beside it hides YADE's own packages
-        paths = [environment.get("PYTHONPATH", ""), str(SCRIPTS.parent)]
-        environment["PYTHONPATH"] = os.pathsep.join(path for path in paths if path)
+        script = SCRIPTS / "own_script.py"  # through which the user's finds our export
+        arguments.insert(0, study.script)
     return Task(
         name=run.run_id,
         command=yade.invocation(script, arguments),
