@@ -8,6 +8,7 @@ import json
 import os
 import platform
 import re
+import shutil
 import subprocess
 import sys
 from dataclasses import asdict, dataclass
@@ -26,12 +27,16 @@ SMALLEST_VERSION = (2023, 2)  # the oldest YADE the scripts were run with
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """One thing looked at: what was found, whether it will do, and the remedy when it will not."""
+    """One thing looked at: what was found, whether it will do, and the remedy when it will not.
+
+    What is `optional` and missing does no harm: its remedy says how to have it.
+    """
 
     name: str
     found: str
     good: bool
     remedy: str | None = None
+    optional: bool = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,15 +47,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(options: argparse.Namespace) -> int:
     """Run the command: exit status 0 when all is well, 3 when something is missing."""
     findings = findings_here()
-    good = all(finding.good for finding in findings)
+    good = all(finding.good or finding.optional for finding in findings)
     if options.json:
         print(json.dumps({"good": good, "findings": [asdict(finding) for finding in findings]}, indent=1))
         return EXIT_GOOD if good else EXIT_RUN
     width = max(len(finding.name) for finding in findings)
     for finding in findings:
-        print(f"{'ok ' if finding.good else 'NO '} {finding.name:<{width}}  {finding.found}")
+        mark = "ok " if finding.good else "-  " if finding.optional else "NO "
+        print(f"{mark} {finding.name:<{width}}  {finding.found}")
         if finding.remedy:
-            print(f"    {'':<{width}}  mend it with: {finding.remedy}")
+            print(f"    {'':<{width}}  {'have it' if finding.optional else 'mend it'} with: {finding.remedy}")
     if good:
         print("all is well: try forcechain demo")
     else:
@@ -66,7 +72,34 @@ def findings_here() -> list[Finding]:
         *_libraries(),
         Finding(name="cores", found=f"{available_cores()} of {os.cpu_count()}", good=True),
         *_yade(),
+        *_optional(),
     ]
+
+
+def _optional() -> list[Finding]:
+    """What only some commands need, and most users do not."""
+    findings = []
+    for requirement in importlib.metadata.requires(DISTRIBUTION) or []:
+        if re.search(r"""extra == ['"]dask['"]""", requirement):
+            wanted = requirement.partition(";")[0].strip()
+            name = re.split(r"[^\w.-]", wanted, maxsplit=1)[0]
+            findings.append(_optional_library(name, wanted, "for run --engine dask, past one machine"))
+    command = shutil.which("ffmpeg")
+    if command:
+        findings.append(Finding(name="ffmpeg", found=command, good=True, optional=True))
+    else:
+        remedy = _as_root("apt-get install --no-install-recommends ffmpeg")
+        found = "not there, for report --animate FILE.mp4 (.gif needs nothing)"
+        findings.append(Finding(name="ffmpeg", found=found, good=False, remedy=remedy, optional=True))
+    return findings
+
+
+def _optional_library(name: str, wanted: str, purpose: str) -> Finding:
+    try:
+        return Finding(name=name, found=importlib.metadata.version(name), good=True, optional=True)
+    except importlib.metadata.PackageNotFoundError:
+        remedy = f"{sys.executable} -m pip install '{wanted}'"
+        return Finding(name=name, found=f"not there, {purpose}", good=False, remedy=remedy, optional=True)
 
 
 def _libraries() -> list[Finding]:

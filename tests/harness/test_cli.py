@@ -133,9 +133,23 @@ def test_doctor_is_content(capsys: pytest.CaptureFixture[str], fake_yade: FakeYa
     assert content["good"] is True
     names = [finding["name"] for finding in content["findings"]]
     assert names[0] == "forcechain"
-    assert {"Python", "numpy", "scipy", "pandas", "matplotlib", "jinja2", "tqdm", "cores", "YADE", "YADE runs"} == set(
-        names[1:]
-    )
+    needed = {finding["name"] for finding in content["findings"] if not finding["optional"]}
+    assert {"forcechain", "Python", "numpy", "scipy", "pandas", "matplotlib", "jinja2", "YADE", "YADE runs"} <= needed
+    assert {"distributed", "ffmpeg"} == set(names) - needed
+
+
+def test_doctor_tells_what_may_be_had_as_well(
+    capsys: pytest.CaptureFixture[str], fake_yade: FakeYade, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = fake_yade.command.read_text().replace(str(fake_yade.home / "python-of-yade"), sys.executable)
+    fake_yade.command.write_text(told)
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setattr(doctor.importlib.metadata, "requires", lambda _: ["no-such-library>=1; extra == 'dask'"])
+    assert cli.main(["doctor"]) == 0  # nothing that is needed is missing
+    lines = capsys.readouterr().out.splitlines()
+    for name, remedy in (("no-such-library", "pip install 'no-such-library>=1'"), ("ffmpeg", "apt-get install")):
+        place = next(row for row, line in enumerate(lines) if line.startswith(f"-   {name}"))
+        assert remedy in lines[place + 1]
 
 
 def test_doctor_names_the_remedy(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
