@@ -61,7 +61,10 @@ class AnalysisOptions:
         math.radians(1), "smallest growth of the buckling angle of a buckled segment", unit="rad", high=math.pi / 2
     )
     lateral_force: str = _choice(
-        "support", ("support", "magnitude"), "lateral force: positive towards the line 1-3, or its magnitude"
+        "support",
+        ("support", "magnitude", "supporting", "horizontal"),
+        "lateral force: positive towards the line 1-3, its magnitude, that of contacts alone that press towards the "
+        "line, or the sum of every contact's magnitude along x",
     )
     drop_length: float = _number(0.007, "axial strain of a drop", high=1.0, low_allowed=False)
     drop_count: int = _number(3, "number of drops", low=1)

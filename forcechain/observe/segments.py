@@ -12,6 +12,7 @@ from forcechain.observe.neighbours import Neighbours, find_neighbours
 from forcechain.observe.options import AnalysisOptions
 from forcechain.observe.snapshot import Snapshot
 
+LATERAL_FORCES = ("support", "magnitude", "supporting", "horizontal")
 STRAIGHT_TOLERANCE = 1e-12  # a centre this close to the line 1-3, over the line's length, lies on it
 
 
@@ -119,8 +120,10 @@ def measure(
     across 1-3 (a wall lies beyond it if its contact point does), projected on 1-3, compression positive; the mean of
     the two ends. Lateral force: the total force on 2 from all contacts, walls included, but those with 1 and 3, across
     1-3, positive towards the line, where it holds the buckling back; if 2 lies on the line there is no such side and
-    its magnitude is given, as it is everywhere with `lateral_force` "magnitude". `neighbours` saves listing the
-    contacts of `snapshot` again.
+    its magnitude is given, as it is everywhere with `lateral_force` "magnitude". With "supporting" only contacts that
+    press towards the line count; with "horizontal" the magnitudes along x of all of them are added up, which is another
+    reading of the source's "total lateral (horizontal) supporting force". `neighbours` saves listing the contacts of
+    `snapshot` again.
 
     Raises ValueError for segments of the wrong shape, unknown particles, or ends at one point.
     Source: Tordesillas & Muthuswamy (2009), sections 5.1.1, 5.1.2 and 5.2.
@@ -128,8 +131,9 @@ def measure(
     segments = checked_segments(segments, snapshot.n_particles)
     if reference.n_particles != snapshot.n_particles:
         raise ValueError(f"reference: expected {snapshot.n_particles} particles, found {reference.n_particles}")
-    if lateral_force not in ("support", "magnitude"):
-        raise ValueError(f"lateral_force: expected 'support' or 'magnitude', found {lateral_force!r}")
+    if lateral_force not in LATERAL_FORCES:
+        expected = ", ".join(repr(choice) for choice in LATERAL_FORCES)
+        raise ValueError(f"lateral_force: expected one of {expected}, found {lateral_force!r}")
     neighbours = find_neighbours(snapshot) if neighbours is None else neighbours
     axis, length = axial_line(snapshot, segments)
     force = snapshot.contact_force
@@ -137,7 +141,7 @@ def measure(
         _force_from_beyond(snapshot, neighbours, force, segments, axis, end=0)
         + _force_from_beyond(snapshot, neighbours, force, segments, -axis, end=2)
     )
-    lateral = _lateral_force(snapshot, neighbours, force, segments, axis, length)
+    lateral = _lateral_force(snapshot, neighbours, force, segments, axis, length, lateral_force)
     turned = snapshot.rotation - reference.rotation
     return Measures(
         buckling_angle=buckling_angle(snapshot, segments),
@@ -145,7 +149,7 @@ def measure(
         axial_displacement=axial_line(reference, segments)[1] - length,
         normal_displacement=_normal_displacement(snapshot, neighbours, segments),
         rotation=0.5 * np.abs(turned[segments[:, 0]] - turned[segments[:, 2]]),
-        lateral_force=lateral if lateral_force == "support" else np.abs(lateral),
+        lateral_force=lateral,
     )
 
 
@@ -212,17 +216,26 @@ def _lateral_force(
     segments: IntArray,
     axis: FloatArray,
     length: FloatArray,
+    choice: str,
 ) -> FloatArray:
-    """Return the lateral force on the centres (n_segments,), positive towards the line 1-3."""
+    """Return the lateral force on the centres (n_segments,), by one of `LATERAL_FORCES`."""
     row, contact_end = neighbours.ends_of(segments[:, 1])
     partner = neighbours.partner[contact_end]
     other = (partner != segments[row, 0]) & (partner != segments[row, 2])
+    if choice == "horizontal":
+        sideways = np.where(other, np.abs(force[neighbours.contact[contact_end], 0]), 0.0)
+        return sum_at(row, sideways, len(segments))
     left = np.stack((-axis[:, 1], axis[:, 0]), axis=1)
     push = neighbours.sign[contact_end] * np.einsum("ij,ij->i", force[neighbours.contact[contact_end]], left[row])
-    to_left = sum_at(row, np.where(other, push, 0.0), len(segments))
     arm = snapshot.position[segments[:, 1]] - snapshot.position[segments[:, 0]]
     offset = np.einsum("ij,ij->i", arm, left)
     on_line = np.abs(offset) <= STRAIGHT_TOLERANCE * length
+    if choice == "supporting":
+        towards = np.where(other, -np.sign(offset)[row] * push, 0.0)
+        return np.where(on_line, 0.0, sum_at(row, np.maximum(towards, 0.0), len(segments)))
+    to_left = sum_at(row, np.where(other, push, 0.0), len(segments))
+    if choice == "magnitude":
+        return np.abs(to_left)
     return np.where(on_line, np.abs(to_left), -np.sign(offset) * to_left)
 
 

@@ -21,7 +21,7 @@ VARIATIONS: Mapping[str, tuple[Any, ...]] = {
     "energy_terms": (("normal", "tangential", "rolling"), ("normal", "tangential"), ("normal",)),
     "energy_tolerance": (0.0, 0.1, 0.25),
     "minimum_angle_growth": tuple(math.radians(angle) for angle in (0.0, 0.5, 1.0, 2.0, 4.0)),
-    "lateral_force": ("support", "magnitude"),
+    "lateral_force": ("support", "magnitude", "supporting", "horizontal"),
     "drop_length": (0.0035, 0.005, 0.007, 0.01),
     "increments": (7, 14, 28),
     "already_plastic": ("ignore", "count"),

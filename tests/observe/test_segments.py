@@ -95,6 +95,18 @@ def test_lateral_force_is_positive_towards_the_line():
     assert lateral([]) == 0
 
 
+def test_readings_of_the_total_supporting_force():
+    right = (place(2, 0), 2, 3.0, 0.5)
+    left = (place(2, 180), 2, 1.25)
+    oblique = (place(2, -30), 2, 2.0, 0.6)
+    assert lateral([right, left], lateral_force="supporting") == pytest.approx(3.0)
+    assert lateral([left], lateral_force="supporting") == 0
+    assert lateral([right, left], lateral_force="horizontal") == pytest.approx(4.25)  # the line 1-3 stands upright
+    assert lateral([oblique], lateral_force="horizontal") == pytest.approx(2 * math.cos(math.pi / 6) + 0.6 * 0.5)
+    with pytest.raises(ValueError, match="expected one of 'support', 'magnitude', 'supporting', 'horizontal'"):
+        lateral([left], lateral_force="sideways")
+
+
 def test_lateral_force_on_a_straight_segment_is_a_magnitude():
     for side in (0, 180):
         straight = bent(0.0)
