@@ -26,7 +26,7 @@ WriteStudy = Callable[..., Path]
 FakeYade = Any  # of conftest.py
 
 
-def wait_for(condition: Callable[[], Any], seconds: float = 60.0) -> None:
+def wait_for(condition: Callable[[], Any], seconds: float = 180.0) -> None:
     until = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < until, "it did not happen in time"
@@ -50,9 +50,15 @@ class Cluster:
         self.file = home / "scheduler.json"
 
     def start(self, name: str, *arguments: str) -> None:
+        environment = {**os.environ, "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}
         with (self.home / f"{name}.log").open("wb") as log:
             self.processes[name] = subprocess.Popen(
-                [*DASK, *arguments, "--no-dashboard"], cwd=ROOT, stdout=log, stderr=log, start_new_session=True
+                [*DASK, *arguments, "--no-dashboard"],
+                cwd=ROOT,
+                env=environment,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
             )
 
     def start_scheduler(self) -> None:
@@ -130,7 +136,7 @@ def test_a_killed_worker_s_runs_go_to_another(
     harness = start(study, tmp_path / "there", cluster)
     wait_for(lambda: len(fake_yade.processes()) == 2)  # the first run hangs on one of the two
     cluster.kill(worker_at(fake_yade.processes()[0]))
-    _, told = harness.communicate(timeout=90)
+    _, told = harness.communicate(timeout=300)
     assert harness.returncode == 0, told
     wait_for(lambda: all(gone(pid) for pid in fake_yade.processes()), 5)
     assert "4 runs, 0 of them complete" in told
@@ -151,7 +157,7 @@ def test_an_ended_harness_leaves_nothing_running(
     harness = start(study, tmp_path / "results", cluster)
     wait_for(lambda: len(fake_yade.processes()) == 2)
     harness.send_signal(number)
-    _, told = harness.communicate(timeout=30)
+    _, told = harness.communicate(timeout=120)
     assert harness.returncode == status
     assert "Traceback" not in told
     if number != signal.SIGKILL:
@@ -172,7 +178,7 @@ def test_a_lost_scheduler_is_one_line_and_the_runs_end(
     harness = start(study, tmp_path / "results", cluster)
     wait_for(lambda: len(fake_yade.processes()) == 2)
     cluster.kill("scheduler")
-    _, told = harness.communicate(timeout=60)
+    _, told = harness.communicate(timeout=120)
     assert harness.returncode == 3
     assert "Traceback" not in told
     assert told.splitlines()[-1].startswith("forcechain: the scheduler is lost")
@@ -188,13 +194,28 @@ def test_workers_may_come_later_and_a_hang_meets_its_time_limit(
     harness = start(study, tmp_path / "results", cluster)
     wait_for((tmp_path / "results" / "plan.json").exists)
     cluster.start_worker("late", "--no-nanny")
-    _, told = harness.communicate(timeout=90)
+    _, told = harness.communicate(timeout=300)
     assert harness.returncode == 3
     assert re.search(r"scheduler \S+: 0 slots, waiting for workers", told)
     assert re.search(r"seed1-\w+: failed after \d s: was stopped at its time limit of 5 s", told)
     assert re.search(r"seed2-\w+: failed after .*the interaction has no physics", told)
     assert re.search(r"seed3-\w+: done after", told)
     assert all(gone(pid) for pid in fake_yade.processes())
+
+
+def test_a_run_that_loses_every_worker_is_failed(
+    fake_yade: FakeYade, write_study: WriteStudy, cluster: Cluster, tmp_path: Path
+) -> None:
+    fake_yade.behave({1: "hang"})
+    harness = start(write_study([1]), tmp_path / "results", cluster)
+    for number in (1, 2):  # one loss more than the scheduler allows here
+        cluster.start_worker(f"worker{number}", "--no-nanny")
+        wait_for(lambda number=number: len(fake_yade.processes()) == 2 * number)
+        cluster.kill(f"worker{number}")
+    _, told = harness.communicate(timeout=120)
+    assert harness.returncode == 3
+    assert re.search(r"seed1-\w+: failed after 0 s: lost its worker again and again, the last one at tcp://", told)
+    wait_for(lambda: all(gone(pid) for pid in fake_yade.processes()))
 
 
 def test_what_a_lost_worker_had_finished_is_not_run_again(tmp_path: Path) -> None:
@@ -294,7 +315,7 @@ def test_two_workers_one_killed_midway_give_the_same_bytes(cluster: Cluster, tmp
     wait_for(lambda: loading() and worker_at(loading()[0]))
     pid = loading()[0]
     cluster.kill(worker_at(pid))  # its nanny: the worker and the run have to end by themselves
-    _, told = harness.communicate(timeout=180)
+    _, told = harness.communicate(timeout=300)
     assert gone(pid)
     assert harness.returncode == 0, told
 

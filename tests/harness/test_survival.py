@@ -173,9 +173,8 @@ def test_twelve_runs_survive_everything(
     for number, exit_status in ((signal.SIGTERM, 143), (signal.SIGKILL, -9), (signal.SIGINT, 130)):
         campaign.start()
         run = campaign.process_of(2)
-        wait_for(lambda: sum(state == "done" for state, _ in campaign.states().values()) == 11)
-        shown = campaign.states()
-        assert shown[2] == ("running", "")
+        wait_for(lambda: len(list(campaign.results.glob("runs/*/run.json"))) == 11)
+        assert campaign.states()[2] == ("running", "")
         campaign.signal(number)
         assert campaign.end()[0] == exit_status
         wait_for(lambda run=run: gone(run), 5)
@@ -296,10 +295,10 @@ def test_a_packing_cut_short_is_made_again(fake_yade: FakeYade, write_study: Wri
 
 STUDY = """
 name = "small"
-seeds = [1, 2, 3]
+seeds = [1, 2]
 [parameters]
 particle_count = 100
-final_axial_strain = 0.02
+final_axial_strain = 0.015
 [run]
 solid_fraction_low = 0.75
 servo_bound = 0.2
@@ -320,10 +319,10 @@ def test_real_runs_end_with_their_harness_and_come_out_the_same(
     campaign.start(largest_file=LARGEST_FILE)  # as a full disk: the kernel ends a write midway
     status, told = campaign.end()
     assert status == 3
-    assert told.count("OSError: [Errno 27] File too large") == 3
+    assert told.count("OSError: [Errno 27] File too large") == 2
 
     campaign.start()
-    runs = [campaign.process_of(seed) for seed in (1, 2, 3)]
+    runs = [campaign.process_of(seed) for seed in (1, 2)]
     os.kill(runs[0], signal.SIGKILL)
     campaign.signal(signal.SIGKILL)
     assert campaign.end()[0] == -9
@@ -334,7 +333,7 @@ def test_real_runs_end_with_their_harness_and_come_out_the_same(
     assert status == 0, told
     assert {state for state, _ in campaign.states().values()} == {"done"}
     assert unchanged(before, campaign.content())
-    assert all(campaign.folder(seed).stat().st_mode & 0o777 == 0o700 for seed in (1, 2, 3))
+    assert all(campaign.folder(seed).stat().st_mode & 0o777 == 0o700 for seed in (1, 2))
 
     undisturbed = tmp_path / "undisturbed"
     assert cli.main(["run", str(study), "--out", str(undisturbed)]) == 0
