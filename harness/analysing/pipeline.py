@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from multiprocessing import get_context
 from pathlib import Path
@@ -19,6 +19,7 @@ from harness.analysing import macroscopic
 from harness.analysing.averages import MEASURES
 from harness.analysing.run_facts import run_facts
 from harness.errors import InputError
+from harness.progress import watched
 from harness.reading.exports import Run, read_run
 
 
@@ -108,10 +109,13 @@ def analyse_runs(
 ) -> list[RunAnalysis]:
     """Analyse runs given with their cases, `jobs` side by side; the result does not depend on their number."""
     if jobs <= 1 or len(runs) <= 1:
-        return [analyse_run(run, case, options, intervals) for run, case in runs]
+        todo = watched(runs, "runs analysed", len(runs))
+        return [analyse_run(run, case, options, intervals) for run, case in todo]
     # Fresh processes: a forked copy of one that runs numerical threads may hang.
     with ProcessPoolExecutor(min(jobs, len(runs)), get_context("spawn")) as pool:
         futures = [pool.submit(_analyse_folder, run.folder, case, options, intervals) for run, case in runs]
+        for _ in watched(as_completed(futures), "runs analysed", len(futures)):
+            pass
         return [future.result() for future in futures]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, fields
 from multiprocessing import get_context
 from pathlib import Path
@@ -27,6 +27,7 @@ from harness.analysing.analysis_options import read_options
 from harness.analysing.pipeline import cases_of, choose_drops
 from harness.errors import InputError, RunError
 from harness.figures.sensitivity import N_PANELS, plot_sensitivity
+from harness.progress import watched
 from harness.reading.exports import Run, read_run
 from harness.report.pictures import Picture
 from harness.study import RunSettings, study_in
@@ -81,10 +82,12 @@ def sensitivity(
         table = {name: values for name, values in table.items() if not name.startswith("drop_")}
     chosen = variations(options, table)
     if jobs <= 1 or len(runs) <= 1:
-        found = [_vary(run, chosen, intervals) for run, _ in runs]
+        found = [_vary(run, chosen, intervals) for run, _ in watched(runs, "runs varied", len(runs))]
     else:
         with ProcessPoolExecutor(min(jobs, len(runs)), get_context("spawn")) as pool:
             futures = [pool.submit(_vary_folder, run.folder, chosen, intervals) for run, _ in runs]
+            for _ in watched(as_completed(futures), "runs varied", len(futures)):
+                pass
             found = [future.result() for future in futures]
     rows = []
     for case in dict.fromkeys(case for _, case in runs):

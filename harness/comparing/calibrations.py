@@ -19,6 +19,7 @@ from harness.analysing.analysis import Analysis
 from harness.analysing.averages import histories
 from harness.comparing.comparison import model_parameters
 from harness.errors import InputError
+from harness.progress import watched
 from harness.toml_text import dumps
 from yade_scripts.run_folder import write
 
@@ -68,7 +69,7 @@ def calibrate_study(
     """
     found: dict[str, dict[Column, Calibration]] = {}
     without = {}
-    for case in analysis.cases:
+    for case in watched(analysis.cases, "cases calibrated", len(analysis.cases)):
         segments = analysis.segments[analysis.segments["case"] == case]
         facts = analysis.runs[analysis.runs["case"] == case]
         count = int((segments["increment"] == 0).sum()) if len(segments) else 0
