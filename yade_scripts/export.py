@@ -103,7 +103,7 @@ def in_order(contacts: Table) -> Table:
     first, second = np.where(swap, other, one), np.where(swap, one, other)
     if (first < 0).any():
         raise ValueError("two walls touch each other: leave walls that are no part of the test out of the simulation")
-    order = np.lexsort((second, first))
+    order = np.argsort((first << 32) + second, kind="stable")  # by first, then second; half the time of lexsort
     table = {name: values[order] for name, values in contacts.items()}
     table["id1"], table["id2"] = first[order], second[order]
     for name in ("nx", "ny", "moment"):  # from the other side these change sign, and the tangential force does not
