@@ -36,7 +36,6 @@ NOT_RUN = {
     ("cluster.md", "it starts servers"),  # tests/harness/test_engines_dask.py does
     ("cluster.md", "it needs SLURM"),
     ("cluster.md", "it writes keys"),
-    ("paper-size.md", "nine runs of four minutes"),
 }
 INSIDE_YADE = "inside YADE"  # python blocks of a page that are one script
 FILE_NAME = re.compile(r"[\w-]+\.\w+")  # a title that names the file which the block is

@@ -13,7 +13,7 @@ from harness.gate.measured import Case, Measured
 from harness.reading.consistency import MEANINGS
 from harness.text_table import number
 
-SAME = 1e-6  # relative: the same tables must give the same numbers, to where a fit ends
+SAME = 1e-5  # relative: the same tables must give the same numbers, to where a fit ends and reduced results are rounded
 CONSISTENT = (
     1e-4  # how far a figure of consistency may rise: our own tables agree to rounding, CSV ones to their digits
 )

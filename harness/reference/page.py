@@ -23,6 +23,7 @@ from harness.reading import validity
 from harness.reading.exports import Run, read_run, run_folders
 from harness.reference.pictures import Image, case_figures, first_figures, model_figures, sweep_figure
 from harness.reference.printed import CALIBRATED, Printed, class_shares, printed_case, printed_numbers, rounded
+from harness.report.tables import cell
 from harness.study import RunSettings
 from harness.text_table import number, with_error
 from yade_scripts.run_folder import write
@@ -75,7 +76,10 @@ def write_reference(
         "variations": _variations(analysis.directory),
         "remarks": _remarks(analysis.directory),
         "pictures": {part: [_markdown(image, images, output) for image in of] for part, of in pictures.items()},
-        "options": {name: entry["value"] for name, entry in analysis.options.items()},
+        "option_table": table(
+            ("option", "value", "unit", "meaning"),
+            [(f"`{k}`", cell(v["value"]), v["unit"], v["meaning"]) for k, v in analysis.options.items()],
+        ),
     }
     environment = Environment(
         loader=PackageLoader("harness.reference"),
@@ -101,7 +105,7 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     |---|---|
     | 1 | x\\|y |
     """
-    lines = [list(header), ["---"] * len(header), *[[cell.replace("|", "\\|") for cell in row] for row in rows]]
+    lines = [list(header), ["---"] * len(header), *[[text.replace("|", "\\|") for text in row] for row in rows]]
     return "\n".join(
         "|" + "|".join(line) + "|" if place == 1 else "| " + " | ".join(line) + " |" for place, line in enumerate(lines)
     )
@@ -311,12 +315,17 @@ def _variations(directory: Path) -> dict[str, Any] | None:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         return {
-            "table": table(content["header"], content["rows"]),
+            "table": table(content["header"], [[_plain(text) for text in row] for row in content["rows"]]),
             "changes": {str(name): "; ".join(words) for name, words in content["changes"].items()},
-            "legend": str(content["legend"]),
+            "legend": _plain(content["legend"]),
         }
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path}: not a table of variations ({error!r}); make it anew with --with") from None
+
+
+def _plain(text: str) -> str:
+    """Text whose asterisks stay asterisks."""
+    return text.replace("*", "\\*")
 
 
 def _remarks(directory: Path) -> str:

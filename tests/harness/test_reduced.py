@@ -130,6 +130,9 @@ def test_the_report_leaves_out_what_it_cannot_draw(
     reduced: Path, tmp_path: Path, output: Callable[..., tuple[int, str, str]]
 ) -> None:
     assert output("report", reduced, "--output", tmp_path / "report.html")[0] == 0
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "These are reduced results" in page
+    assert '"steps":[0,28]' in page  # the explorer knows the two snapshots that were kept
     shutil.rmtree(reduced / "runs" / "seed1" / "snapshots")
     status, _, error = output("report", reduced, "--output", tmp_path / "again.html")
     assert status == 2  # those it vouches for are missed
