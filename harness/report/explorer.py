@@ -24,7 +24,7 @@ from harness.figures.packing import CLASS_NAMES
 from harness.reading.exports import Run
 from harness.report.scenes import Scene, is_there, of_drop, options_of
 
-QUANTA_A_RADIUS = 100  # steps a mean radius: below half a pixel where a disc fills 80 pixels
+QUANTA_A_RADIUS = 50  # steps a mean radius: no more than half a pixel until a disc fills 50
 FORCE_LEVELS = 255
 FULL_WIDTH_PERCENTILE = 99.5  # of the forces: drawn as wide as a line becomes, as in the still pictures
 MODEL_POINTS = 61
@@ -32,7 +32,7 @@ DIGITS = 4
 
 
 def explorer_view(analysis: Analysis, run: Run, scene: Scene, model: ModelCurves | None) -> dict[str, Any]:
-    """Return one drop as plain values for JSON: its packed states, its buckled segments and their measures.
+    """Return one drop as plain values: its packed states, its buckled segments and their measures.
 
     A snapshot that reduced results do not keep is left out of the steps; the first and the last are there.
     """
@@ -54,6 +54,12 @@ def explorer_view(analysis: Analysis, run: Run, scene: Scene, model: ModelCurves
         "measures": _measures(analysis, scene, there),
         "model": _model_curve(model),
     }
+
+
+def page_data(view: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a view as it stands on the page: its measures packed as well, as the bytes of their JSON."""
+    measures = np.frombuffer(json.dumps(view["measures"], separators=(",", ":")).encode(), dtype=np.uint8)
+    return {**view, "measures": _packed(measures)}
 
 
 def script_json(value: Any) -> str:
@@ -99,6 +105,7 @@ def _packed_states(snapshots: list[Snapshot]) -> dict[str, Any]:
     level = np.rint(FORCE_LEVELS * force / largest)
     return {
         "quantum_mm": 1e3 * quantum,
+        "quanta_a_radius": QUANTA_A_RADIUS,
         "corner_mm": _rounded(1e3 * quantum * low),
         "size": [int(side) for side in high - low],
         "radius": _packed(radius.astype(np.int32)),

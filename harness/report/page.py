@@ -20,9 +20,10 @@ from harness.analysing.analysis import Analysis
 from harness.comparing.comparison import ModelCurves
 from harness.comparing.verdicts import Row, Verdict
 from harness.figures.packing import CLASS_NAMES
+from harness.progress import watched
 from harness.reading.exports import Run
 from harness.reading.tested import WORDS
-from harness.report.explorer import explorer_view, script_json
+from harness.report.explorer import explorer_view, page_data, script_json
 from harness.report.pictures import (
     Picture,
     behaviour_picture,
@@ -47,7 +48,7 @@ from harness.report.tables import (
 from harness.study import RunSettings
 from yade_scripts.run_folder import write
 
-FURTHER_DROPS = 1_000_000  # characters of explorable drops beside the busiest of each case
+FURTHER_DROPS = 500_000  # characters of explorable drops beside the busiest of each case
 VERDICT_WORDS = (
     "A row passes when data and reference differ by no more than the tolerance: two standard errors, or twice the "
     "spread of packings where the paper prints a single simulation, never less than the stated floor. Standard "
@@ -108,7 +109,7 @@ def study_pictures(
     pictures: dict[str, list[Picture]] = {
         name: [] for name in ("summary", "behaviour", "forces", "filters", "buckling")
     }
-    for case, scene in scenes.items():
+    for case, scene in watched(scenes.items(), "cases drawn", len(scenes)):
         pictures["behaviour"].append(behaviour_picture(case, analysis, runs))
         if scene is not None:
             filters, forces = packing_pictures(case, analysis, scene)
@@ -150,7 +151,7 @@ def _view(
         id=f"view-{number}",
         label=f"{scene.case} · {scene.run} · drop {scene.drop}: {start:.4f} to {end:.4f}, "
         f"{len(scene.segments)} buckled",
-        json=Markup(script_json(data)),  # script_json leaves nothing that is markup
+        json=Markup(script_json(page_data(data))),  # script_json leaves nothing that is markup
         table=segment_table(scene, data),
     )
 

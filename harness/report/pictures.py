@@ -30,6 +30,7 @@ from harness.report.scenes import Scene, of_drop, options_of
 from harness.text_table import number
 
 MOST_LINES = 6  # runs of one figure
+WIDE = 0.7  # height over width below which pictures of a packing stand one below the other
 COLOURS = 256  # of a bitmap on the page: a quarter of the bytes, no difference to the eye
 MM_AN_INCH = 25.4
 LEAST_HEIGHT = 2.5  # inch
@@ -81,15 +82,18 @@ class Picture:
     def uri(self, *, dark: bool = False) -> str:
         """Return the figure as a data URI for the page, as light as can be without a visible loss."""
         if self.kind == "svg":
-            media, content = "image/svg+xml", _short_paths(self.render("svg", dark=dark))
+            media, content = "image/svg+xml", _short_svg(self.render("svg", dark=dark))
         else:
             media, content = "image/png", _few_colours(self.render("png", dark=dark, dpi=125))
         return f"data:{media};base64,{base64.b64encode(content).decode()}"
 
 
-def _short_paths(svg: bytes) -> bytes:
-    """SVG whose outlines have two decimals, a hundredth of a point."""
-    return re.sub(rb' d="[^"]*"', lambda outline: LONG_DECIMALS.sub(rb"\1", outline[0]), svg)
+def _short_svg(svg: bytes) -> bytes:
+    """SVG without what nothing refers to, its places to a hundredth of a point."""
+    svg = re.sub(rb"<!--.*?-->", b"", svg, flags=re.DOTALL)
+    svg = re.sub(rb' id="(?:[a-z]+\d?d?|matplotlib\.axis|LineCollection|PathCollection|FillBetween\w*)_\d+"', b"", svg)
+    svg = re.sub(rb' (?:d|x|y)="[^"]*"|translate\([^)]*\)', lambda found: LONG_DECIMALS.sub(rb"\1", found[0]), svg)
+    return re.sub(rb">\s+<", b"><", re.sub(rb"\s+", b" ", svg))
 
 
 def _few_colours(png: bytes) -> bytes:
@@ -152,13 +156,14 @@ def behaviour_picture(case: str, analysis: Analysis, runs: Mapping[str, Run]) ->
 def packing_pictures(case: str, analysis: Analysis, scene: Scene) -> list[Picture]:
     """The three filters one after the other, and the chains among the contact forces."""
     place = analysis.cases.index(case)
+    wide = scene.aspect < WIDE
 
     def legend(figure: Figure, ax: Axes) -> None:
         if len(scene.segments):
             figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=4)
 
     def draw_filters(figure: Figure) -> None:
-        one, two, three = figure.subplots(1, 3)
+        one, two, three = figure.subplots(3, 1) if wide else figure.subplots(1, 3)
         plot_filters(
             scene.start, scene.in_chain, scene.lost_energy, scene.segments, scene.classes, axes=(one, two, three)
         )
@@ -174,7 +179,7 @@ def packing_pictures(case: str, analysis: Analysis, scene: Scene) -> list[Pictur
             name=f"filters-{place}",
             caption=f"{scene.where}: the three filters one after the other. {scene.counts}",
             alternative=f"Three pictures of the packing. {scene.counts}",
-            size=(11, 3.2 * scene.aspect + 1.0),
+            size=(7.5, 3 * (6.7 * scene.aspect + 0.7) + 0.4) if wide else (11, 3.2 * scene.aspect + 1.0),
             draw=draw_filters,
             kind="png",
         ),

@@ -33,11 +33,11 @@ function accumulate(values, rowLength) { // rows hold changes since the row befo
 async function load(id) {
   if (!views.has(id)) {
     const data = JSON.parse(document.getElementById(id).textContent);
-    const [radius, position, contacts, force, chain] = await Promise.all(
-      ["radius", "position", "contacts", "force", "chain"].map(name => unpack(data[name])));
+    const [radius, position, contacts, force, chain, text] = await Promise.all(
+      ["radius", "position", "contacts", "force", "chain", "measures"].map(name => unpack(data[name])));
     const n = radius.length, pairs = contacts.length / 2;
     views.set(id, { ...data, n, pairs, radius, position: accumulate(position, 2 * n), contacts: accumulate(contacts, 2),
-      force: accumulate(force, pairs), chain, chainBytes: Math.ceil(n / 8) });
+      force: accumulate(force, pairs), chain, chainBytes: Math.ceil(n / 8), measures: JSON.parse(new TextDecoder().decode(text)) });
   }
   return views.get(id);
 }
@@ -53,6 +53,7 @@ function frame() {
   return { width, height, scale, X: value => width / 2 + (value - centre[0]) * scale,
     Y: value => height / 2 - (value - centre[1]) * scale };
 }
+const meanRadius = f => view.quanta_a_radius * f.scale;
 function draw() {
   waiting = false;
   if (!view || !canvas.clientWidth) return;
@@ -90,10 +91,10 @@ function discs(f, members, fill, edge) {
     ink.moveTo(cx + r, cy); ink.arc(cx, cy, r, 0, 6.2832);
   }
   ink.fillStyle = fill; ink.fill();
-  ink.strokeStyle = edge; ink.lineWidth = Math.min(1, 25 * f.scale); ink.stroke();
+  ink.strokeStyle = edge; ink.lineWidth = Math.min(1, meanRadius(f) / 4); ink.stroke();
 }
 function forces(f) { // lines of like width are drawn at once
-  const bins = new Map(), full = 55 * f.scale * view.force_unit_N / view.full_width_force_N; // px a level; R is 100
+  const bins = new Map(), full = 0.55 * meanRadius(f) * view.force_unit_N / view.full_width_force_N; // px a level
   for (let pair = 0; pair < view.pairs; pair++) {
     const width = view.force[step * view.pairs + pair] * full;
     if (width < 0.06) continue;
@@ -120,10 +121,10 @@ function trace(f, particles) {
   particles.forEach((disc, i) => ink[i ? "lineTo" : "moveTo"](f.X(x(disc)), f.Y(y(disc))));
 }
 function bends(f) {
-  ink.strokeStyle = colour("--ink"); ink.lineWidth = Math.max(0.8, Math.min(3, 12 * f.scale));
+  ink.strokeStyle = colour("--ink"); ink.lineWidth = Math.max(0.8, Math.min(3, meanRadius(f) / 8));
   for (const segment of view.segments) { trace(f, segment.particles); ink.stroke(); }
-  if (100 * f.scale < 15) return; // no room for the class within a disc
-  ink.font = `600 ${Math.min(18, 80 * f.scale)}px system-ui, sans-serif`;
+  if (meanRadius(f) < 15) return; // no room for the class within a disc
+  ink.font = `600 ${Math.min(18, 0.8 * meanRadius(f))}px system-ui, sans-serif`;
   ink.textAlign = "center"; ink.textBaseline = "middle"; ink.lineWidth = 3;
   for (const segment of view.segments) {
     const at = [f.X(x(segment.particles[1])), f.Y(y(segment.particles[1]))];
