@@ -7,21 +7,39 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.patches import Rectangle
 
 from forcechain.arrays import BoolArray, FloatArray, IntArray
 from forcechain.observe.snapshot import Snapshot
 from harness.figures.style import CLASS_COLOURS, STRONG, look
 
 CLASS_NAMES = {0: "not classed", 1: "both elastic", 2: "together", 3: "support first", 4: "chain moment first"}
+PUNCH = -5
+STRAIGHT_UP = 1 - 1e-9  # normal of a contact with the punch's face; at its edges it leans
+PUNCH_HEIGHT = 0.04  # of the bed's, in a picture
 
 
 def plot_discs(snapshot: Snapshot, *, ax: Axes, members: BoolArray | None = None, colour: str = STRONG) -> Axes:
-    """Draw every disc; those in `members` (n_particles,) filled with `colour`. Axes in millimetres."""
+    """Draw every disc, those in `members` (n_particles,) filled with `colour`, and a punch's face. In millimetres."""
     if members is None:
         members = np.zeros(snapshot.n_particles, dtype=bool)
     _fill(snapshot, ~members, ax=ax, facecolors=look().disc, edgecolors=look().disc_edge)
     _fill(snapshot, members, ax=ax, facecolors=colour, edgecolors=look().chain_edge)
+    _plot_punch_face(snapshot, ax)
     return _frame(snapshot, ax)
+
+
+def _plot_punch_face(snapshot: Snapshot, ax: Axes) -> None:
+    """Draw the face of the punch, if there is one, as a bar over the discs that touch it from below."""
+    touching = (snapshot.contact_ids[:, 1] == PUNCH) & (snapshot.contact_normal[:, 1] > STRAIGHT_UP)
+    if not touching.any():
+        return
+    disc = snapshot.contact_ids[touching, 0]
+    x, reach = snapshot.position[disc, 0], snapshot.radius[disc]
+    face = float((snapshot.position[disc, 1] + reach - snapshot.overlap[touching]).mean())
+    left, right = float((x - reach).min()), float((x + reach).max())
+    size = (1e3 * (right - left), PUNCH_HEIGHT * float(np.ptp(snapshot.position[:, 1])) * 1e3)
+    ax.add_patch(Rectangle((1e3 * left, 1e3 * face), *size, facecolor=look().soft, edgecolor="none", clip_on=False))
 
 
 def full_width_force(snapshot: Snapshot) -> float:

@@ -6,14 +6,19 @@ import json
 import re
 from pathlib import Path
 
+import matplotlib.pyplot as plt
+import numpy as np
 import pytest
-from buckling_study import write_buckling_study
+from buckling_study import RADIUS, arrays, write_buckling_study
+from matplotlib.patches import Rectangle
 
 from harness.analysing.analysis import Analysis, analyse
 from harness.cli import main
 from harness.comparing.comparison import compare
 from harness.comparing.verdicts import Verdict
 from harness.errors import EXIT_GOOD, InputError
+from harness.figures.packing import plot_discs
+from harness.reading.exports import read_snapshot
 from harness.reading.tested import test_of as name_of_test
 from harness.reading.validity import faults, judge
 from harness.study import RunSettings, read_study
@@ -159,3 +164,21 @@ def test_a_manifest_without_a_script_is_read_as_before(tmp_path: Path) -> None:
     assert name_of_test(manifest) == "biaxial"
     rows, _ = compare(analyse(directory, jobs=1), {})
     assert any(row.paper is not None for row in rows)
+
+
+def test_the_face_of_the_punch_is_drawn(tmp_path: Path) -> None:
+    found = arrays(0.0, 1)
+    np.savez(tmp_path / "000000.npz", **found)
+    top = found["contact_id2"] == -4
+    np.savez(tmp_path / "000001.npz", **found | {"contact_id2": np.where(top, -5, found["contact_id2"])})
+    figure, axes = plt.subplots(1, 2)
+    for number, ax in enumerate(axes):
+        plot_discs(read_snapshot(tmp_path / f"{number:06d}.npz"), ax=ax)
+    plt.close(figure)
+    without, bars = ([patch for patch in ax.patches if isinstance(patch, Rectangle)] for ax in axes)
+    assert without == []
+    (bar,) = bars
+    disc = found["contact_id1"][top]
+    assert bar.get_y() == pytest.approx(1e3 * (found["particle_y"][disc] + RADIUS).mean(), rel=1e-9)
+    assert bar.get_x() == pytest.approx(1e3 * (found["particle_x"][disc].min() - RADIUS), rel=1e-9)
+    assert bar.get_width() == pytest.approx(1e3 * (np.ptp(found["particle_x"][disc]) + 2 * RADIUS), rel=1e-9)
