@@ -43,11 +43,11 @@ def write_reference(
     analysis: Analysis, ratios: Mapping[str, float], settings: RunSettings, output: Path, images: Path
 ) -> list[Path]:
     """Write the page to `output` and its pictures into `images`; return the files, the page first."""
+    sweep, variations, remarks = _sweep(analysis), _variations(analysis.directory), _remarks(analysis.directory)
     rows, curves = compare(analysis, ratios)
     calibrations, without = calibrate_study(analysis, ratios)
     runs = {folder.name: read_run(folder) for folder in run_folders(analysis.directory)}
     main = printed_case(analysis) or analysis.cases[0]
-    sweep = _sweep(analysis)
     pictures = {
         "first": first_figures(main, analysis, runs),
         "cases": [
@@ -73,8 +73,8 @@ def write_reference(
         "parameter_table": _parameter_table(calibrations),
         "fit_table": _fit_table(calibrations),
         "without": without,
-        "variations": _variations(analysis.directory),
-        "remarks": _remarks(analysis.directory),
+        "variations": variations,
+        "remarks": remarks,
         "pictures": {part: [_markdown(image, images, output) for image in of] for part, of in pictures.items()},
         "option_table": table(
             ("option", "value", "unit", "meaning"),
@@ -218,7 +218,7 @@ def _sweep(analysis: Analysis) -> pd.DataFrame | None:
     if not path.is_file():
         return None
     try:
-        return pd.read_csv(path)
+        return pd.read_csv(path, dtype={"fault": object})  # words, also where there is none
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read: {error}") from None
 
