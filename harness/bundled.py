@@ -1,4 +1,4 @@
-"""The studies that come with the package: beside the packages in a checkout, within them where it is installed."""
+"""The studies and results that come along: beside the packages in a checkout, within them where it is installed."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import difflib
 from pathlib import Path
 
 from harness.errors import InputError
+from harness.study import STUDY_COPY
 
 SUFFIX = ".toml"
 
@@ -32,3 +33,13 @@ def bundled_study(name: str) -> Path:
         hint = f"did you mean {close[0]!r}?" if close else "known: " + ", ".join(studies)
         raise InputError(f"{name}: no study of this name comes along; {hint}")
     return studies[name]
+
+
+def bundled_results(name: str) -> Path:
+    """Return the folder of the results of study `name` that come along; InputError where there are none."""
+    package = Path(__file__).resolve().parent
+    for folder in (package.parent / "reference", package / "results"):
+        if (folder / name / STUDY_COPY).is_file():
+            return folder / name
+    bundled_study(name)  # a name that is no study's at all
+    raise InputError(f"{name}: no results of this study come along; forcechain run makes them")

@@ -87,6 +87,10 @@ def test_every_module_and_data_file_is_in_the_wheel(built: Path) -> None:
         assert missing == []
     missing = [file for file in files_of(built, "studies") if f"harness/{file}" not in names]
     assert missing == []
+    missing = [
+        file for file in files_of(built, "reference") if file.replace("reference", "harness/results", 1) not in names
+    ]
+    assert missing == []
 
 
 def test_the_source_archive_is_the_checkout(built: Path) -> None:
@@ -94,7 +98,7 @@ def test_the_source_archive_is_the_checkout(built: Path) -> None:
     with tarfile.open(archive) as opened:
         names = {name.partition("/")[2] for name in opened.getnames()}
     assert {"README.md", "CHANGELOG.md", "LICENSE", "run", "mkdocs.yml", "constraints.txt"} <= names
-    for folder in ("docs", "baselines", "tests", "studies", "benchmarks"):
+    for folder in ("docs", "baselines", "tests", "studies", "benchmarks", "reference"):
         missing = [file for file in files_of(built, folder) if file not in names]
         assert missing == []
 

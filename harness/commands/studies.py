@@ -7,16 +7,20 @@ import inspect
 import itertools
 import json
 import re
+import shutil
 import textwrap
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields
+from pathlib import Path
 from typing import Any
 
 from forcechain.observe.options import AnalysisOptions
 from forcechain.theory.parameters import TABLE_3_RATIOS, ChainParameters
 from harness.analysing.analysis_options import describe_options
-from harness.bundled import bundled_studies, bundled_study
+from harness.bundled import bundled_results, bundled_studies, bundled_study
 from harness.comparing.comparison import CALIBRATED
-from harness.errors import EXIT_GOOD
+from harness.errors import EXIT_GOOD, InputError
+from harness.exchange.new_folder import new_folder
 from harness.study import RunSettings
 from yade_scripts import parameters
 
@@ -25,6 +29,7 @@ EXAMPLE = "forcechain studies demo > mine.toml"
 WIDTH = 79
 TABLES = {
     "parameters": "[parameters], or with a list of values [grid]: the runs of the biaxial test",
+    "punch": '[parameters] or [grid] where script = "punch": the runs of the flat punch',
     "run": "[run]: how to run, and when a run is valid",
     "analysis": "[analysis]: from tables to buckled segments",
     "compare": "[compare]: calibrated parameters of the model; forcechain calibrate finds them",
@@ -51,11 +56,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="TABLE",
         help=f"every name a table of a study file can have, with its default: {', '.join(TABLES)}",
     )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FOLDER",
+        help="copy the results of NAME that come along to FOLDER: reduced, to compare, check and report without YADE",
+    )
     parser.add_argument("--json", action="store_true", help="the list, or the keys, for machines")
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Print a study, the names of one of its tables, or the list of studies."""
+    """Print a study, copy its results, print the names of one of its tables, or the list of studies."""
+    if options.out is not None:
+        if not options.name:
+            raise InputError("--out: expected the name of a study as well, found none; forcechain studies lists them")
+        source = bundled_results(options.name)
+        with new_folder(options.out) as folder:
+            shutil.copytree(source, folder, dirs_exist_ok=True)
+        print(f"written: {options.out}")
+        return EXIT_GOOD
     if options.keys:
         entries = keys(options.keys)
         print(json.dumps([asdict(entry) for entry in entries], indent=1) if options.json else toml(options.keys))
@@ -69,7 +88,7 @@ def execute(options: argparse.Namespace) -> int:
 
 def toml(table: str) -> str:
     """Return `table` with every name at its default and a comment to each, to be cut and pasted into a study file."""
-    lines = [f"# {TABLES[table]}", f"[{table}]"]
+    lines = [f"# {TABLES[table]}", f"[{'parameters' if table in parameters.TESTS else table}]"]
     for entry in keys(table):
         unit = f" [{entry.unit}]" if entry.unit != "-" else ""
         told = textwrap.wrap(f"{entry.meaning}{unit}", WIDTH, initial_indent="# ", subsequent_indent="# ")
@@ -84,10 +103,12 @@ def keys(table: str) -> tuple[Entry, ...]:
     >>> next(entry.default for entry in keys("parameters") if entry.name == "rolling_friction")
     '0.2'
     """
-    return {"parameters": _parameters, "run": _run, "analysis": _analysis, "compare": _compare}[table]()
+    if table in ("parameters", "punch"):
+        return _parameters(parameters.TESTS["biaxial" if table == "parameters" else table])
+    return {"run": _run, "analysis": _analysis, "compare": _compare}[table]()
 
 
-def _parameters() -> tuple[Entry, ...]:
+def _parameters(known: Iterable[parameters.Parameter]) -> tuple[Entry, ...]:
     return tuple(
         Entry(
             name=parameter.name,
@@ -95,7 +116,7 @@ def _parameters() -> tuple[Entry, ...]:
             unit=parameter.unit or "-",
             meaning=f"{parameter.meaning}; {parameter.expected().partition(' [')[0]}",
         )
-        for parameter in parameters.BIAXIAL
+        for parameter in known
         if parameter.name != "seed"  # the seeds stand at the top of the file
     )
 

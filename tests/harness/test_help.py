@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from harness import cli
-from harness.bundled import bundled_studies
+from harness.bundled import bundled_results, bundled_studies
 from harness.commands import studies
 from harness.study import read_study
 
@@ -90,6 +90,28 @@ def test_every_bundled_study_is_listed_and_printed_to_the_letter(capsys: pytest.
         read_study(file)
 
 
+def test_results_that_come_along_are_copied_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    copy = tmp_path / "copy"
+    assert cli.main(["studies", "paper", "--out", str(copy)]) == 0
+    source = bundled_results("paper")
+    files = {file.relative_to(source) for file in source.rglob("*") if file.is_file()}
+    assert files == {file.relative_to(copy) for file in copy.rglob("*") if file.is_file()}
+    assert cli.main(["studies", "paper", "--out", str(copy)]) == 2  # never over what is there
+    assert "found one with files" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [(["demo"], "no results of this study come along"), (["papr"], "did you mean 'paper'?"), ([], "name of a study")],
+)
+def test_results_that_do_not_come_along_are_one_line(
+    arguments: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["studies", *arguments, "--out", str(tmp_path / "copy")]) == 2
+    assert told in capsys.readouterr().err
+    assert not (tmp_path / "copy").exists()
+
+
 def test_a_study_that_is_not_there_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["studies", "dmo"]) == 2
     assert "did you mean 'demo'?" in capsys.readouterr().err
@@ -98,13 +120,14 @@ def test_a_study_that_is_not_there_is_one_line(capsys: pytest.CaptureFixture[str
 @pytest.mark.parametrize("table", studies.TABLES)
 def test_the_printed_table_is_a_study_with_every_default(table: str, tmp_path: Path) -> None:
     file = tmp_path / "all.toml"
-    file.write_text(studies.toml(table))
-    given = tomllib.loads(file.read_text())[table]
+    script = 'script = "punch"\n' if table == "punch" else ""
+    file.write_text(script + studies.toml(table))
+    given = tomllib.loads(file.read_text())["parameters" if table == "punch" else table]
     with_defaults = {entry.name for entry in studies.keys(table) if entry.default}
     assert set(given) == with_defaults
     study = read_study(file)
     plain = tmp_path / "plain.toml"
-    plain.write_text('name = "all"\n')
+    plain.write_text(f'name = "all"\n{script}')
     assert study.planned_runs() == read_study(plain).planned_runs()
     assert study.run == read_study(plain).run
 
