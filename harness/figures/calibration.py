@@ -28,6 +28,7 @@ MEASURE_SYMBOLS = {
     "axial_displacement_over_R": r"$\Delta/R$",
     "rotation": "$w$",
 }
+LEGEND_ROOM = 300.0  # of a logarithmic axis, above the profile
 LEAST_RISE = 1e-2  # of the sum of squares that is drawn: below, the profile is at its foot
 
 
@@ -144,9 +145,10 @@ def plot_profile(estimate: Estimate, reference: float, *, ax: Axes) -> Axes:
     ax.axvline(reference, color=PAPER, linewidth=1.2, linestyle="--", label=f"the paper's {reference:.3g}")
     ax.set_xlabel(SYMBOLS[estimate.name])
     ax.set_ylabel("rise of the sum of squares")
-    ax.set_ylim(bottom=LEAST_RISE)
+    ax.set_yscale("log")
+    ax.set_ylim(LEAST_RISE, LEGEND_ROOM * max(ax.get_ylim()[1], 1.0))
     ax.set_title(estimate.identified.value, loc="right", fontsize=8)
-    ax.legend(fontsize=7, loc="lower right", frameon=True, facecolor=look().page, edgecolor="none", framealpha=0.9)
+    ax.legend(fontsize=7, loc="upper right")
     return ax
 
 
