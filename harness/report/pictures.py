@@ -34,6 +34,7 @@ WIDE = 0.7  # height over width below which pictures of a packing stand one belo
 COLOURS = 256  # of a bitmap on the page: a quarter of the bytes, no difference to the eye
 MM_AN_INCH = 25.4
 LEAST_HEIGHT = 2.5  # inch
+PAGE_DPI = 110  # of a bitmap on the page, which is 10 inch wide at most
 LONG_DECIMALS = re.compile(rb"(\.\d\d)\d+")
 
 
@@ -84,7 +85,7 @@ class Picture:
         if self.kind == "svg":
             media, content = "image/svg+xml", _short_svg(self.render("svg", dark=dark))
         else:
-            media, content = "image/png", _few_colours(self.render("png", dark=dark, dpi=125))
+            media, content = "image/png", _few_colours(self.render("png", dark=dark, dpi=PAGE_DPI))
         return f"data:{media};base64,{base64.b64encode(content).decode()}"
 
 

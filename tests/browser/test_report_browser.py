@@ -160,8 +160,9 @@ def test_buttons_and_slider_step_and_the_picture_follows(page: Browser) -> None:
     page.run("const s = document.getElementById('x-step'); s.value = 14; s.dispatchEvent(new Event('input'))")
     assert "increment 14 of 28" in page.text("now")
     pictures = [page.picture()]
-    for name in ("next", "back", "last", "first"):
-        page.find(name).click()
+    for name, clicks in (("next", 4), ("back", 4), ("last", 1), ("first", 1)):  # one step moves less than a pixel here
+        for _ in range(clicks):
+            page.find(name).click()
         pictures.append(page.picture())
     middle, after, again, last, first = pictures
     assert again == middle
