@@ -1,4 +1,4 @@
-"""What a second core is worth: `python benchmarks/bench_jobs.py [DISCS]`. Exit status 1 when the target is missed.
+"""What a second core is worth: `python benchmarks/bench_jobs.py [DISCS [ROUNDS]]`; exit status 1 past the target.
 
 The same four runs by `forcechain run`, one at a time and two at a time on two cores, packings made beforehand; in
 turns, and the median of the ratios, because other work on the machine slows both. The load is told: when more than
@@ -40,6 +40,7 @@ def seconds(study: Path, out: Path, packings: Path, jobs: int) -> float:
 
 def main(arguments: list[str]) -> int:
     discs = int(arguments[0]) if arguments else 600
+    rounds = int(arguments[1]) if len(arguments) > 1 else ROUNDS
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         first, study = folder / "first.toml", folder / "jobs.toml"
@@ -52,7 +53,7 @@ def main(arguments: list[str]) -> int:
         print(
             f"four runs of {discs} discs; {len(os.sched_getaffinity(0))} cores; load before: {os.getloadavg()[0]:.1f}"
         )
-        for number in range(ROUNDS):
+        for number in range(rounds):
             one, two = (seconds(study, folder / f"{number}-{jobs}", packings, jobs) for jobs in (1, 2))
             ratios.append(two / one)
             load = os.getloadavg()[0]
