@@ -16,7 +16,9 @@ from forcechain.theory.parameters import TABLE_3
 from forcechain.theory.three_particle import loading
 from harness.analysing.analysis import Analysis, analyse
 from harness.cli import main
+from harness.comparing import stretches
 from harness.comparing.calibrations import calibrate_study, segment_histories
+from harness.figures.calibration import calibration_figure
 from harness.toml_text import dumps
 
 
@@ -109,3 +111,21 @@ def test_toml_reads_back_what_was_written() -> None:
         dumps({"value": float("nan")})
     with pytest.raises(ValueError, match="expected a number, words"):
         dumps({"value": object()})
+
+
+def test_stretches_are_counted_and_a_calibration_is_drawn(found: Analysis, monkeypatch: pytest.MonkeyPatch) -> None:
+    calibrations, _ = calibrate_study(found, {}, columns=(Column.PERFECT,), samples=40, profile_points=5)
+    monkeypatch.setattr(stretches, "LENGTHS", (3,))  # the fit itself is tested where it is made
+    ((case, fits),) = stretches.calibrate_stretches(found, calibrations).items()
+    calibration = calibrations[case][Column.PERFECT]
+    assert fits.ledger == {
+        "buckled segments": calibration.n_segments,
+        "branched stretches": 0,
+        "stretches of 5 particles": calibration.n_segments // 3,  # columns of five discs: three segments each
+    }
+    assert fits.without == {3: "too few stretches: 0, expected at least 8"}
+    assert tomllib.loads(dumps(stretches.as_plain(fits)))["not_fitted"]["3"] in stretches.text(fits)
+    by_length, _ = stretches.stretch_histories(found.segments)
+    assert [run.lateral_force.mean() for run in by_length[5]] == pytest.approx([LATERAL] * 3)
+    drawn = calibration_figure(found.averages, calibration, TABLE_3)
+    assert [ax.axison for ax in drawn.axes] == [True] * 7 + [False]
