@@ -1,9 +1,8 @@
-"""How often does the gate cry wolf? Fresh seeds of the demo, checked in groups of two against its baseline.
+"""How often does the gate cry wolf? Fresh seeds of the demo, each checked as a study of its own against its baseline.
 
-    python benchmarks/false_alarms.py [--seeds 40] [--first 101] [--out FOLDER] [--baseline FILE]
+    python benchmarks/false_alarms.py [--seeds 20] [--first 101] [--group 1] [--out FOLDER] [--baseline FILE]
 
-Every group is a study as the demo is: two packings that the baseline has not seen. Prints each group that fails, with
-the lines that do, and ends with 1 when more than one of twenty groups fails.
+Prints each study that fails, with the lines that do, and ends with 1 when more than one of twenty fails.
 """
 
 from __future__ import annotations
@@ -19,7 +18,6 @@ from pathlib import Path
 from harness.toml_text import dumps
 
 ROOT = Path(__file__).parents[1]
-GROUP = 2  # packings, as the demo has
 MOST = 1 / 20
 
 
@@ -29,17 +27,30 @@ def forcechain(*arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def lines_that_fail(seeds: list[int], out: Path, baseline: Path) -> list[str]:
-    """Run the demo with `seeds` and check it; return what does not pass."""
+def run_all(seeds: list[int], out: Path) -> Path:
+    """Run the demo with all the seeds; return its results."""
     study = tomllib.loads((ROOT / "studies" / "demo.toml").read_text(encoding="utf-8")) | {"seeds": seeds}
-    place = out / f"seeds-{seeds[0]}-{seeds[-1]}"
-    place.mkdir(parents=True, exist_ok=True)
-    file = place / "demo.toml"
+    out.mkdir(parents=True, exist_ok=True)
+    file = out / "all.toml"
     file.write_text(dumps(study), encoding="utf-8")
-    run = forcechain("run", str(file), "--out", str(place / "results"))
+    run = forcechain("run", str(file), "--out", str(out / "all"))
     if run.returncode != 0:
-        raise SystemExit(f"seeds {seeds}: the runs did not end well: {run.stderr or run.stdout}")
-    told = forcechain("check", str(place / "results"), "--baseline", str(baseline), "--json")
+        raise SystemExit(f"the runs did not end well: {run.stderr or run.stdout}")
+    return out / "all"
+
+
+def lines_that_fail(seeds: list[int], results: Path, baseline: Path) -> list[str]:
+    """Check the runs of some seeds as a study of their own; return what does not pass."""
+    place = results.parent / ("seeds-" + "-".join(map(str, seeds)))
+    (place / "runs").mkdir(parents=True, exist_ok=True)
+    study = tomllib.loads((results / "study.toml").read_text(encoding="utf-8")) | {"seeds": seeds}
+    (place / "study.toml").write_text(dumps(study), encoding="utf-8")
+    for seed in seeds:
+        (run,) = (results / "runs").glob(f"seed{seed}-*")
+        link = place / "runs" / run.name
+        if not link.exists():
+            link.symlink_to(run)
+    told = forcechain("check", str(place), "--baseline", str(baseline), "--json")
     if not told.stdout:
         raise SystemExit(f"seeds {seeds}: {told.stderr}")
     lines = json.loads(told.stdout)["lines"]
@@ -48,19 +59,21 @@ def lines_that_fail(seeds: list[int], out: Path, baseline: Path) -> list[str]:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=40, help="how many (default: 40, twenty groups)")
+    parser.add_argument("--seeds", type=int, default=20, help="how many (default: 20)")
     parser.add_argument("--first", type=int, default=101, help="the first one (default: 101)")
+    parser.add_argument("--group", type=int, default=1, help="seeds of a study (default: 1)")
     parser.add_argument("--out", type=Path, help="where the runs go (default: a folder that is removed)")
     parser.add_argument("--baseline", type=Path, default=ROOT / "baselines" / "demo.toml")
     args = parser.parse_args()
+    seeds = list(range(args.first, args.first + args.seeds))
+    groups = [seeds[place : place + args.group] for place in range(0, args.seeds, args.group)]
+    alarms = 0
     with tempfile.TemporaryDirectory() as scratch:
-        out = args.out or Path(scratch)
-        groups = [[first, first + 1] for first in range(args.first, args.first + args.seeds - GROUP + 1, GROUP)]
-        alarms = 0
-        for seeds in groups:
-            wrong = lines_that_fail(seeds, out, args.baseline)
+        results = run_all(seeds, (args.out or Path(scratch)).resolve())
+        for group in groups:
+            wrong = lines_that_fail(group, results, args.baseline)
             alarms += bool(wrong)
-            print(f"seeds {seeds[0]} and {seeds[-1]}: {'; '.join(wrong) or 'pass'}", flush=True)
+            print(f"seeds {', '.join(map(str, group))}: {'; '.join(wrong) or 'pass'}", flush=True)
     print(f"{alarms} of {len(groups)} studies of fresh seeds fail")
     return 0 if alarms <= MOST * len(groups) else 1
 

@@ -196,15 +196,31 @@ def test_another_option_of_the_analysis_is_named(measured: Measured) -> None:
     assert "minimum_angle_growth_deg 1 -> 2" in line_of(result, "lateral force, mean over the drop").why
 
 
-def test_a_drift_is_put_down_to_the_versions_that_differ(measured: Measured) -> None:
-    other = replace(fresh(measured), versions={**measured.versions, "yade": ("2025.1",), "script": ("abc",)})
+@pytest.mark.parametrize("what", ["yade", "script", "package"])
+def test_a_drift_is_put_down_to_the_version_that_differs(measured: Measured, what: str) -> None:
+    # the same seeds: what differs is the version alone, and the tables that it gave
+    other = replace(with_case(measured, tables={"seed1": "0"}), versions={**measured.versions, what: ("2025.1",)})
     assert check(baseline_of(measured), other).passed  # another YADE is welcome as long as the numbers stand
     line = line_of(
         check(baseline_of(measured), scaled(other, "solid fraction, prepared", 1.2)), "solid fraction, prepared"
     )
     assert line.outcome is Outcome.DRIFTED
-    assert "yade" in line.why
-    assert "2025.1" in line.why
+    cause = line.why.partition("differs: ")[2]
+    assert cause.startswith(f"{what} ")
+    assert "-> 2025.1" in cause
+    assert not any(f"{name} " in cause for name in {"yade", "script", "package", "seeds"} - {what})
+
+
+def test_a_drift_is_put_down_to_the_seeds_or_to_nothing_that_is_recorded(measured: Measured) -> None:
+    def cause(other: Measured) -> str:
+        quantity = "solid fraction, prepared"
+        return line_of(check(baseline_of(measured), scaled(other, quantity, 1.2)), quantity).why.partition("differs: ")[
+            2
+        ]
+
+    assert cause(fresh(measured)) == "seeds 1 to 4 -> 5 to 8"
+    assert cause(measured).startswith("nothing that is recorded")
+    assert cause(with_case(measured, tables={"seed1": "0"})).endswith("tables, of the same seeds")
 
 
 def test_too_little_to_compare_is_no_pass(measured: Measured) -> None:
