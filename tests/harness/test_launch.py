@@ -60,7 +60,14 @@ def wait_for(condition: Callable[[], bool], seconds: float = 20.0) -> None:
 
 def start(study: Path) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "harness", "run", str(study), "--out", str(results(study)), "--jobs", "2"]
-    return subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+    return subprocess.Popen(
+        command,
+        cwd=ROOT,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),  # a shell's `&` has it ignored
+    )
 
 
 def content_of(folder: Path) -> dict[str, tuple[bytes, int]]:
