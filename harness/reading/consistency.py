@@ -9,6 +9,7 @@ import numpy as np
 from forcechain.arrays import FloatArray
 from forcechain.observe.snapshot import Snapshot
 from harness.reading.exports import Run
+from harness.reading.tested import PUNCH, test_of
 
 MEANINGS: Mapping[str, str] = {
     "normal_law": "normal force against stiffness times overlap, over the mean normal force",
@@ -31,10 +32,14 @@ def run_consistency(run: Run) -> dict[str, float]:
     history = run.history
     if history is not None and {"stress_ratio", "axial_stress", "lateral_stress"} <= set(history.columns):
         axial, lateral = history["axial_stress"].to_numpy(float), history["lateral_stress"].to_numpy(float)
+        ratio = history["stress_ratio"].to_numpy(float)
+        if test_of(run.manifest) == PUNCH:
+            figures["history"] = _largest(ratio - axial / float(run.parameters["confining_stress"]))
+            return figures
         total = axial + lateral
         known = total > 0
         expected = (axial[known] - lateral[known]) / total[known]
-        figures["history"] = _largest(history["stress_ratio"].to_numpy(float)[known] - expected)
+        figures["history"] = _largest(ratio[known] - expected)
     return figures
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -18,7 +19,8 @@ from harness.comparing.comparison import compare
 from harness.comparing.verdicts import Verdict
 from harness.errors import EXIT_GOOD, InputError
 from harness.figures.packing import plot_discs
-from harness.reading.exports import read_snapshot
+from harness.reading.consistency import run_consistency
+from harness.reading.exports import read_run, read_snapshot
 from harness.reading.tested import test_of as name_of_test
 from harness.reading.validity import faults, judge
 from harness.study import RunSettings, read_study
@@ -182,3 +184,12 @@ def test_the_face_of_the_punch_is_drawn(tmp_path: Path) -> None:
     assert bar.get_y() == pytest.approx(1e3 * (found["particle_y"][disc] + RADIUS).mean(), rel=1e-9)
     assert bar.get_x() == pytest.approx(1e3 * (found["particle_x"][disc].min() - RADIUS), rel=1e-9)
     assert bar.get_width() == pytest.approx(1e3 * (np.ptp(found["particle_x"][disc]) + 2 * RADIUS), rel=1e-9)
+
+
+def test_a_history_that_contradicts_its_punch_pressure_is_seen(punched: Analysis) -> None:
+    folder = next((punched.directory / "runs").iterdir())
+    run = read_run(folder)
+    assert run.history is not None
+    agreeing = run.history.assign(axial_stress=run.history["stress_ratio"] * run.parameters["confining_stress"])
+    assert run_consistency(replace(run, history=agreeing))["history"] < 1e-12
+    assert run_consistency(run)["history"] > 0.1
