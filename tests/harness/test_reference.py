@@ -141,6 +141,14 @@ def test_the_shipped_page_is_what_the_shipped_results_give(tmp_path: Path) -> No
     assert max(shipped.values()) < LARGEST_PICTURE
 
 
+def test_the_shipped_results_pass_their_baseline(capsys: pytest.CaptureFixture[str]) -> None:
+    gate = ["check", str(SHIPPED), "--baseline", str(ROOT / "baselines" / "paper.toml"), "--json"]
+    assert main(gate) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert len({line["case"] for line in told["lines"] if line["case"]}) == 3
+    assert sum("same tables" in line["tolerance_source"] for line in told["lines"]) > 50
+
+
 def test_a_page_that_differs_is_told() -> None:
     assert differing("| a | 0.71 |", "| a | 0.70 |") == []
     assert differing("| a | 0.71 |", "| a | 0.69 |") != []
