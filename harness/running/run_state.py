@@ -128,11 +128,18 @@ def _alive(progress: Mapping[str, Any]) -> bool:
         return False
     pid = progress.get("pid")
     here = progress.get("host", platform.node()) == platform.node()
-    if here and isinstance(pid, int):
-        try:
-            os.kill(pid, 0)  # asks only whether it is there
-        except ProcessLookupError:
-            return False
-        except PermissionError:
-            return True
-    return True
+    return not (here and isinstance(pid, int)) or _lives(pid)
+
+
+def _lives(pid: int) -> bool:
+    """Whether a process of this machine goes on; one that has ended counts as gone before its parent has seen it."""
+    try:
+        os.kill(pid, 0)  # asks only whether it is there
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    try:
+        return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return not Path("/proc/self/stat").exists()  # gone in between, or a system without /proc

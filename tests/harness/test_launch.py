@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -280,6 +281,23 @@ def test_a_run_of_yesterday_is_not_taken_for_running(
     told = {"pid": os.getpid(), "time": "2020-01-01T00:00:00Z", "axial_strain": 0.05}
     (folder / "progress.json").write_text(json.dumps(told))
     assert states(study, capsys)[1] == ("waiting", None)
+
+
+@pytest.mark.usefixtures("fake_yade")
+def test_a_run_whose_process_has_ended_unseen_by_its_parent_is_not_running(
+    write_study: WriteStudy, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study = write_study([1])
+    assert run(study) == 0
+    folder = next((results(study) / "runs").iterdir())
+    (folder / "run.json").unlink()
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
+        told = {"pid": process.pid, "time": datetime.now(UTC).isoformat(), "axial_strain": 0.05, "target_strain": 0.1}
+        (folder / "progress.json").write_text(json.dumps(told))
+        assert states(study, capsys)[1][0] == "running"
+        process.kill()
+        wait_for(lambda: gone(process.pid))  # a zombie: nobody has asked for its exit status yet
+        assert states(study, capsys)[1] == ("waiting", None)
 
 
 def test_a_changed_study_runs_what_changed(fake_yade: FakeYade, write_study: WriteStudy) -> None:
