@@ -11,11 +11,12 @@ import json
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from harness.analysing.buckling_data import Analysis
 from harness.errors import InputError
 from harness.reading.consistency import run_consistency
 from harness.reading.exports import Run, read_run, run_folders
@@ -25,9 +26,6 @@ from harness.study import PLAN, RUNS, STUDY_COPY
 from harness.text_table import number
 from yade_scripts import export_format
 from yade_scripts.run_folder import Product, write
-
-if TYPE_CHECKING:
-    from harness.analysing.analysis import Analysis
 
 MARK = "reduced.json"  # written last
 FORMAT = 1

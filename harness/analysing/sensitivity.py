@@ -22,8 +22,9 @@ from forcechain.observe.sensitivity import VARIATIONS, Variation, variations
 from forcechain.observe.snapshot import Snapshot
 from forcechain.observe.transitions import snapshots_of_drop
 from forcechain.observe.window import observe_drop
-from harness.analysing.analysis import FOLDER, usable_runs
+from harness.analysing.analysis import usable_runs
 from harness.analysing.analysis_options import read_options
+from harness.analysing.buckling_data import FOLDER
 from harness.analysing.pipeline import cases_of, choose_drops
 from harness.errors import InputError, RunError
 from harness.figures.sensitivity import N_PANELS, plot_sensitivity

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from harness.analysing.analysis import Analysis, analyse
+from harness.analysing.analysis import analyse
+from harness.analysing.buckling_data import Analysis
 from harness.analysing.sensitivity import write_sensitivity
 from harness.errors import EXIT_GOOD, EXIT_RUN
 from harness.text_table import render

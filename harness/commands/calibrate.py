@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from forcechain.calibration import Calibration, Column, Estimate, Identified
-from harness.analysing.analysis import Analysis, analyse
+from harness.analysing.analysis import analyse
+from harness.analysing.buckling_data import Analysis
 from harness.commands.analyse import tell_left_out
 from harness.comparing import stretches
 from harness.comparing.calibrations import as_plain, calibrate_study, write_parameters

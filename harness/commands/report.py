@@ -7,7 +7,8 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
-from harness.analysing.analysis import Analysis, analyse
+from harness.analysing.analysis import analyse
+from harness.analysing.buckling_data import Analysis
 from harness.commands.analyse import tell_left_out
 from harness.commands.run import positive
 from harness.comparing.comparison import calibrated_ratios, compare

@@ -15,8 +15,8 @@ import pandas as pd
 import forcechain
 from forcechain.arrays import FloatArray
 from forcechain.calibration import CONFIDENCE, Calibration, Column, Estimate, Interval, SegmentHistories, calibrate
-from harness.analysing.analysis import Analysis
 from harness.analysing.averages import histories
+from harness.analysing.buckling_data import Analysis
 from harness.comparing.comparison import model_parameters
 from harness.errors import InputError
 from harness.progress import watched

@@ -15,8 +15,8 @@ from forcechain.observe.averages import bootstrap_error
 from forcechain.theory.parameters import ChainParameters
 from forcechain.theory.states import ChainState, Status
 from forcechain.theory.three_particle import loading
-from harness.analysing.analysis import Analysis
 from harness.analysing.averages import histories, mean_and_error
+from harness.analysing.buckling_data import Analysis
 from harness.comparing import paper
 from harness.comparing.verdicts import Row, Verdict, judge, tolerance_for_a_mean, tolerance_for_one_print
 from harness.errors import InputError

@@ -10,8 +10,8 @@ import pandas as pd
 
 from forcechain.arrays import FloatArray
 from forcechain.calibration import Column, Identified, calibrate
-from harness.analysing.analysis import Analysis
 from harness.analysing.averages import histories
+from harness.analysing.buckling_data import Analysis
 from harness.comparing import paper
 from harness.comparing.calibrations import FEWEST_SEGMENTS, segment_histories
 from harness.comparing.comparison import model_parameters

@@ -12,7 +12,7 @@ import pandas as pd
 from forcechain.calibration import Calibration, Column, LongColumn, SegmentHistories, calibrate_long
 from forcechain.calibration.long_columns import FEWEST
 from forcechain.observe.stretches import find_stretches
-from harness.analysing.analysis import Analysis
+from harness.analysing.buckling_data import Analysis
 from harness.comparing.calibrations import COLUMNS, segment_histories
 from harness.comparing.comparison import model_parameters
 from harness.errors import InputError

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import t as student
 
-from harness.analysing.analysis import Analysis
+from harness.analysing.buckling_data import Analysis
 from harness.comparing.run_numbers import QUANTITIES, Quantity, run_numbers
 from harness.errors import InputError
 from harness.reading.exports import read_run, run_folders

@@ -10,8 +10,8 @@ import pandas as pd
 
 from forcechain.arrays import FloatArray
 from forcechain.calibration import Calibration, Identified
-from harness.analysing.analysis import Analysis
 from harness.analysing.averages import histories
+from harness.analysing.buckling_data import Analysis
 
 # What a difference must exceed at least, by unit: the steps of the exports, or what nobody would call a drift.
 FLOOR_BY_UNIT = {"N": 0.02, "deg": 0.1, "%": 1.0, "kn": 2e-4, "-": 5e-4}

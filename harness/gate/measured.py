@@ -11,7 +11,7 @@ import pandas as pd
 
 import forcechain
 from forcechain.calibration import Column
-from harness.analysing.analysis import Analysis
+from harness.analysing.buckling_data import Analysis
 from harness.comparing.calibrations import calibrate_study
 from harness.gate.headlines import Headline, headlines
 from harness.reading.consistency import MEANINGS, run_consistency

@@ -13,7 +13,7 @@ import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from forcechain.calibration import Calibration, Column
-from harness.analysing.analysis import Analysis
+from harness.analysing.buckling_data import Analysis
 from harness.analysing.reduced import SENSITIVITY
 from harness.comparing.calibrations import calibrate_study
 from harness.comparing.comparison import compare

@@ -11,7 +11,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from PIL import Image as Bitmap
 
-from harness.analysing.analysis import Analysis
+from harness.analysing.buckling_data import Analysis
 from harness.analysing.sensitivity import sensitivity_picture
 from harness.comparing.comparison import ModelCurves
 from harness.figures.style import style

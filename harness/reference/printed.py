@@ -13,8 +13,8 @@ from forcechain.arrays import FloatArray
 from forcechain.calibration import Calibration, Column, Identified
 from forcechain.theory.parameters import TABLE_3
 from forcechain.theory.three_particle import loading
-from harness.analysing.analysis import Analysis
 from harness.analysing.averages import mean_and_error
+from harness.analysing.buckling_data import Analysis
 from harness.comparing import paper
 from harness.comparing.comparison import ModelCurves
 from harness.comparing.verdicts import Row, Verdict, judge, tolerance_for_a_mean, tolerance_for_one_print

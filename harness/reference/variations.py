@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
-from harness.analysing.analysis import Analysis
+from harness.analysing.buckling_data import Analysis
 from harness.comparing.variations import LEGEND, cells, vary
 from harness.reference.page import VARIATIONS
 from harness.reference.printed import printed_case

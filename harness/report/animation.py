@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from forcechain.observe.chains import find_chains
-from harness.analysing.analysis import Analysis
+from harness.analysing.buckling_data import Analysis
 from harness.comparing.comparison import ModelCurves
 from harness.errors import InputError
 from harness.figures.drop_frames import DropFrames

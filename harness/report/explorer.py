@@ -17,8 +17,8 @@ from forcechain.observe.chains import find_chains
 from forcechain.observe.snapshot import Snapshot
 from forcechain.theory.states import Status
 from forcechain.theory.three_particle import loading
-from harness.analysing.analysis import Analysis
 from harness.analysing.averages import MEASURES
+from harness.analysing.buckling_data import Analysis
 from harness.comparing.comparison import ModelCurves
 from harness.figures.packing import CLASS_NAMES
 from harness.reading.exports import Run

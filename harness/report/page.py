@@ -16,7 +16,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 import forcechain
-from harness.analysing.analysis import Analysis
+from harness.analysing.buckling_data import Analysis
 from harness.comparing.comparison import ModelCurves
 from harness.comparing.verdicts import Row, Verdict
 from harness.figures.packing import CLASS_NAMES

@@ -17,7 +17,7 @@ from PIL import Image
 from forcechain.arrays import BoolArray, IntArray
 from forcechain.observe.chains import find_chains
 from forcechain.observe.snapshot import Snapshot
-from harness.analysing.analysis import Analysis
+from harness.analysing.buckling_data import Analysis
 from harness.comparing.comparison import ModelCurves
 from harness.errors import InputError
 from harness.figures.buckling import plot_buckling, plot_force

@@ -13,8 +13,8 @@ from forcechain.observe.filters import potential_energy
 from forcechain.observe.options import AnalysisOptions
 from forcechain.observe.snapshot import Snapshot
 from forcechain.observe.transitions import Drop, snapshots_of_drop
-from harness.analysing.analysis import Analysis
 from harness.analysing.analysis_options import read_options
+from harness.analysing.buckling_data import Analysis
 from harness.reading.exports import Run
 
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from harness.analysing.analysis import Analysis
 from harness.analysing.averages import MEASURES
+from harness.analysing.buckling_data import Analysis
 from harness.comparing import paper
 from harness.comparing.comparison import ModelCurves
 from harness.comparing.verdicts import Row, Verdict

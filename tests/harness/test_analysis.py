@@ -22,8 +22,9 @@ from buckling_study import (
     write_buckling_study,
 )
 
-from harness.analysing.analysis import Analysis, analyse
+from harness.analysing.analysis import analyse
 from harness.analysing.averages import average, histories
+from harness.analysing.buckling_data import Analysis
 from harness.cli import main
 from harness.errors import InputError, RunError
 

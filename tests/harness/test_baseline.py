@@ -15,7 +15,8 @@ import pandas as pd
 import pytest
 from buckling_study import write_buckling_run, write_buckling_study
 
-from harness.analysing.analysis import Analysis, analyse
+from harness.analysing.analysis import analyse
+from harness.analysing.buckling_data import Analysis
 from harness.cli import main
 from harness.errors import InputError
 from harness.gate.baseline import Baseline, approve, read_baseline, tolerance_for

@@ -14,7 +14,8 @@ from buckling_study import LATERAL, RADIUS, STIFFNESS, write_buckling_study
 from forcechain.calibration import Column
 from forcechain.theory.parameters import TABLE_3
 from forcechain.theory.three_particle import loading
-from harness.analysing.analysis import Analysis, analyse
+from harness.analysing.analysis import analyse
+from harness.analysing.buckling_data import Analysis
 from harness.cli import main
 from harness.comparing import stretches
 from harness.comparing.calibrations import calibrate_study, segment_histories

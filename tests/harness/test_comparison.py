@@ -12,7 +12,8 @@ from buckling_study import LATERAL, write_buckling_study
 
 from forcechain.theory.parameters import TABLE_3
 from forcechain.theory.three_particle import loading
-from harness.analysing.analysis import Analysis, analyse
+from harness.analysing.analysis import analyse
+from harness.analysing.buckling_data import Analysis
 from harness.cli import main
 from harness.comparing import paper
 from harness.comparing.comparison import calibrated_ratios, compare

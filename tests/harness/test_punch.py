@@ -13,7 +13,8 @@ import pytest
 from buckling_study import RADIUS, arrays, write_buckling_study
 from matplotlib.patches import Rectangle
 
-from harness.analysing.analysis import Analysis, analyse
+from harness.analysing.analysis import analyse
+from harness.analysing.buckling_data import Analysis
 from harness.cli import main
 from harness.comparing.comparison import compare
 from harness.comparing.verdicts import Verdict

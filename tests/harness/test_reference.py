@@ -12,8 +12,9 @@ import pandas as pd
 import pytest
 from buckling_study import write_buckling_study
 
-from harness.analysing.analysis import Analysis, analyse
+from harness.analysing.analysis import analyse
 from harness.analysing.averages import class_shares as shares_of
+from harness.analysing.buckling_data import Analysis
 from harness.cli import main
 from harness.comparing import paper
 from harness.comparing.verdicts import Verdict
