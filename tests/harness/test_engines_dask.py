@@ -10,12 +10,12 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from processes import gone, wait_for
 
 from harness import cli
 from harness.running import dask_engine
@@ -24,20 +24,6 @@ ROOT = Path(__file__).parents[2]
 DASK = [sys.executable, "-c", "from dask.__main__ import main; main()"]
 WriteStudy = Callable[..., Path]
 FakeYade = Any  # of conftest.py
-
-
-def wait_for(condition: Callable[[], Any], seconds: float = 180.0) -> None:
-    until = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < until, "it did not happen in time"
-        time.sleep(0.05)
-
-
-def gone(pid: int) -> bool:
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z"
-    except OSError:
-        return True
 
 
 class Cluster:

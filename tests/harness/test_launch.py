@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from processes import gone, wait_for
 
 from harness import cli
 from harness.running import launch
@@ -43,20 +44,6 @@ def states(study: Path, capsys: pytest.CaptureFixture[str]) -> dict[int, tuple[s
 def by_seed(told: str) -> dict[int, tuple[str, str]]:
     entries = json.loads(told)["runs"]
     return {int(entry["run"].split("-")[0][4:]): (entry["state"], entry["reason"]) for entry in entries}
-
-
-def gone(pid: int) -> bool:
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z"
-    except OSError:
-        return True
-
-
-def wait_for(condition: Callable[[], bool], seconds: float = 20.0) -> None:
-    until = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < until, "it did not happen in time"
-        time.sleep(0.05)
 
 
 def start(study: Path) -> subprocess.Popen[str]:
