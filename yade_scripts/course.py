@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from yade_scripts import checkpoint, export, packing, parameters, run_folder
+from yade_scripts import checkpoint, export, packing, parameters, quick_tables, run_folder
 from yade_scripts.plan import plan_of
 from yade_scripts.recorder import Quantity, Recorder
 
@@ -30,6 +30,7 @@ class Tested(Protocol):
 
     masses: np.ndarray
     mean_radius: float
+    reader: quick_tables.QuickTables
 
     def settle(self, report: packing.Report) -> tuple[float, dict[str, Any]]:
         """Bring it to its start, at rest; return the confining stress's error there and facts of how it went."""
@@ -169,6 +170,7 @@ def run(
             "loading_s": time.monotonic() - loading_began,
             "sampling_s": course.sampling_s,
         },
+        tables_from=sample.reader.way,
         preparation={**start.facts, **course.settling, "packing": packing_name},
         validity={
             **loading_figures(recorder.rows[1:]),

@@ -40,6 +40,7 @@ class Bed:
         punch_width: [m].
         punch_start: height of the punch's face at the start [m].
         surface: the discs that bear the surcharge now, and how much of it.
+        reader: of the tables, without the surcharge.
     """
 
     def __init__(self, values: Mapping[str, Any], start: packing.Packing, build: bool = True) -> None:
@@ -79,6 +80,8 @@ class Bed:
             yade.O.engines = materials.engines(self.rules, values["damping"])
         else:
             self.walls = walls.walls_after(self.count, largest, SIDES)
+        mean_radius = self.mean_radius if values["rolling_stiffness_radius"] == "mean" else None
+        self.reader = quick_tables.QuickTables(self.radii, self.walls.numbers, self.rules, mean_radius)
         self.punch = yade.O.bodies[self.walls.body[walls.PUNCH]]
         self.surface = punch_surcharge.Surface(np.zeros(0, dtype=np.int64), np.zeros(0), top)
 
@@ -171,9 +174,7 @@ class Bed:
 
         `previous_rotation`: (count,) of the last snapshot [rad].
         """
-        particles = quick_tables.particle_table(self.radii, previous_rotation)
-        mean_radius = self.mean_radius if self.values["rolling_stiffness_radius"] == "mean" else None
-        contacts = quick_tables.contact_table(particles, self.walls.numbers, self.rules, mean_radius)
+        particles, contacts = self.reader.tables(previous_rotation)
         loads = self.surcharge_table(particles)
         return particles, export.in_order(
             {name: np.concatenate((column, loads[name])) for name, column in contacts.items()}

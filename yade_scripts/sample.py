@@ -28,6 +28,7 @@ class Sample:
         masses: (count,) [kg].
         walls: the four walls in the simulation.
         width, height: distances between opposite walls at the start [m].
+        reader: of the tables.
     """
 
     def __init__(self, values: Mapping[str, Any], start: packing.Packing, build: bool = True) -> None:
@@ -55,6 +56,8 @@ class Sample:
                 walls.release(self.walls, wall, self.wall_mass)
         else:
             self.walls = walls.walls_after(self.count, largest)
+        mean_radius = self.mean_radius if values["rolling_stiffness_radius"] == "mean" else None
+        self.reader = quick_tables.QuickTables(self.radii, self.walls.numbers, self.rules, mean_radius)
 
     @property
     def wall_mass(self) -> float:
@@ -125,9 +128,7 @@ class Sample:
 
     def tables(self, previous_rotation: np.ndarray | None) -> tuple[export.Table, export.Table]:
         """Particle table and contact table; `previous_rotation`: (count,) of the last snapshot [rad]."""
-        particles = quick_tables.particle_table(self.radii, previous_rotation)
-        mean_radius = self.mean_radius if self.values["rolling_stiffness_radius"] == "mean" else None
-        return particles, quick_tables.contact_table(particles, self.walls.numbers, self.rules, mean_radius)
+        return self.reader.tables(previous_rotation)
 
     def escaped(self, particles: export.Table) -> int:
         """Count discs whose centre is outside the walls."""
