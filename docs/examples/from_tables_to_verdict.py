@@ -146,11 +146,12 @@ with style():
 # %% [markdown]
 # ## 6. A verdict
 #
-# Expected, found, tolerance: a quarter of the model's value, or two standard errors where those are larger.
+# Expected, found, tolerance: a quarter of the model's value, or two standard errors where those are larger. Within one
+# standard error of the tolerance it is undecided.
 
 # %%
 found, expected = force.mean.mean(), model.axial_force.mean()
 error = bootstrap_error([values.mean(axis=0, keepdims=True) for values in of_runs("axial_force")]).larger[0]
 tolerance, source = tolerance_for_a_mean(0.25 * expected, error)
-verdict = judge(found, expected, tolerance)
+verdict = judge(found, expected, tolerance, error)
 print(f"axial force, mean over the drop: model {expected:.2f} N, data {found:.2f} ± {2 * error:.2f} N: {verdict.value}")

@@ -60,6 +60,8 @@ def summary(rows: Sequence[Row]) -> str:
     told = f"{len(rows)} rows: " + ", ".join(counts)
     if failed(list(rows)):
         told += "; FAIL says that data and reference differ by more than the tolerance (exit status 1)"
+    if any(row.verdict is Verdict.UNDECIDED for row in rows):
+        told += "; undecided: within a standard error of the tolerance, more packings decide"
     return told
 
 

@@ -18,7 +18,7 @@ from forcechain.theory.three_particle import loading
 from harness.analysing.averages import histories, mean_and_error
 from harness.analysing.buckling_data import Analysis
 from harness.comparing import paper
-from harness.comparing.verdicts import Row, Verdict, judge, tolerance_for_a_mean, tolerance_for_one_print
+from harness.comparing.verdicts import Row, Verdict, decide, judge, tolerance_for_a_mean, tolerance_for_one_print
 from harness.errors import InputError
 from harness.reading.tested import BIAXIAL
 
@@ -168,7 +168,7 @@ def _model_rows(case: str, segments: pd.DataFrame, averages: pd.DataFrame, model
                 tolerance=tolerance,
                 tolerance_source=source,
                 normalised_rms=float(np.sqrt(((data - curve) ** 2).mean()) / np.abs(curve).mean()),
-                verdict=judge(found, expected, tolerance),
+                verdict=judge(found, expected, tolerance, _number(error)),
                 note="model at the data's mean angles" + (", its own value at the first added" if shift else ""),
             )
         )
@@ -193,7 +193,7 @@ def _constant_lateral_force(case: str, segments: pd.DataFrame) -> Row:
         paper=0.0,
         tolerance=tolerance,
         tolerance_source=f"{MODEL_FLOOR:.0%} of the mean" if source == "floor" else source,
-        verdict=judge(float(change[0]), 0.0, tolerance),
+        verdict=judge(float(change[0]), 0.0, tolerance, _number(float(error.larger[0]))),
         note="printed as 'essentially constant'; the model's is constant once the support has yielded",
     )
 
@@ -204,7 +204,6 @@ def _growing_rotation(case: str, segments: pd.DataFrame) -> Row:
     growth, error = mean_and_error(ends)
     standard_error = _number(float(error.larger[0]))
     found = float(growth[0])
-    known = standard_error is not None
     return Row(
         case=case,
         quantity="rotation at the end of the drop, above 0",
@@ -214,10 +213,8 @@ def _growing_rotation(case: str, segments: pd.DataFrame) -> Row:
         count=sum(run.shape[1] for run in ends),
         count_of="segments",
         tolerance=2 * standard_error if standard_error is not None else None,
-        tolerance_source="2 s.e." if known else "",
-        verdict=(Verdict.PASS if found > 2 * (standard_error or 0.0) else Verdict.FAIL)
-        if known
-        else Verdict.NOT_JUDGED,
+        tolerance_source="" if standard_error is None else "2 s.e.",
+        verdict=Verdict.NOT_JUDGED if standard_error is None else decide(2 * standard_error - found, standard_error),
         note="the paper claims growth alone: the model's rotation only begins when the moment yields",
     )
 
@@ -242,7 +239,7 @@ def _paper_rows(case: str, facts: pd.DataFrame, segments: pd.DataFrame, analysis
             tolerance, source = tolerance_for_one_print(reference.floor, spread, len(groups))
             if standard_error is not None and 2 * standard_error > tolerance:
                 tolerance, source = 2 * standard_error, "2 s.e."
-        verdict = judge(found, reference.value, tolerance, upper_bound=reference.upper_bound)
+        verdict = judge(found, reference.value, tolerance, standard_error, upper_bound=reference.upper_bound)
         note = reference.floor_reason if source == "floor" else ""
         if departures:
             verdict, note = Verdict.NOT_JUDGED, "printed for other conditions: " + "; ".join(departures)

@@ -12,10 +12,15 @@ from typing import Any
 
 
 class Verdict(StrEnum):
-    """What a row says. Only FAIL makes a command exit with status 1."""
+    """What a row says. Only FAIL makes a command exit with status 1.
+
+    UNDECIDED: the value lies within its standard error of the tolerance, on whichever side, so that other packings, or
+    another release of YADE, may well say the opposite. More packings decide.
+    """
 
     PASS = "pass"
     FAIL = "FAIL"
+    UNDECIDED = "undecided"
     NOT_JUDGED = "not judged"
 
 
@@ -52,13 +57,23 @@ class Row:
         return asdict(self) | {"verdict": self.verdict.value}
 
 
-def judge(found: float | None, expected: float, tolerance: float, *, upper_bound: bool = False) -> Verdict:
+def judge(
+    found: float | None,
+    expected: float,
+    tolerance: float,
+    standard_error: float | None = None,
+    *,
+    upper_bound: bool = False,
+) -> Verdict:
     """Say whether `found` lies within `tolerance` of `expected`, or for an upper bound not above it by more.
 
-    A number that is missing or not finite never passes: None is not judged, NaN and infinity fail.
+    Where the `standard_error` of `found` is known, it is undecided as long as `found` is that close to the tolerance's
+    edge. A number that is missing or not finite never passes: None is not judged, NaN and infinity fail.
 
     >>> judge(1.05, 1.0, 0.1), judge(0.8, 1.0, 0.1), judge(0.8, 1.0, 0.1, upper_bound=True)
     (<Verdict.PASS: 'pass'>, <Verdict.FAIL: 'FAIL'>, <Verdict.PASS: 'pass'>)
+    >>> judge(0.8, 1.0, 0.1, 0.05), judge(0.8, 1.0, 0.1, 0.15)
+    (<Verdict.FAIL: 'FAIL'>, <Verdict.UNDECIDED: 'undecided'>)
     """
     if not (math.isfinite(expected) and math.isfinite(tolerance) and tolerance >= 0):
         raise ValueError(f"expected a finite reference and tolerance, found {expected} and {tolerance}")
@@ -67,7 +82,14 @@ def judge(found: float | None, expected: float, tolerance: float, *, upper_bound
     if not math.isfinite(found):
         return Verdict.FAIL
     difference = found - expected
-    return Verdict.PASS if (difference if upper_bound else abs(difference)) <= tolerance else Verdict.FAIL
+    return decide((difference if upper_bound else abs(difference)) - tolerance, standard_error)
+
+
+def decide(excess: float, standard_error: float | None) -> Verdict:
+    """Verdict of a value that is `excess` beyond its tolerance (negative: within), known to `standard_error`."""
+    if standard_error is not None and abs(excess) < standard_error:
+        return Verdict.UNDECIDED
+    return Verdict.PASS if excess <= 0 else Verdict.FAIL
 
 
 def tolerance_for_one_print(floor: float, spread: float | None, count: int) -> tuple[float, str]:

@@ -114,9 +114,10 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 def _summary(rows: Sequence[Printed]) -> str:
     counts = {verdict: sum(row.verdict is verdict for row in rows) for verdict in Verdict}
     missed = [row.quantity for row in rows if row.verdict is Verdict.FAIL]
-    text = f"Of {len(rows)} printed numbers {counts[Verdict.PASS]} pass and {counts[Verdict.FAIL]} fail"
-    if counts[Verdict.NOT_JUDGED]:
-        text += f", {counts[Verdict.NOT_JUDGED]} are not judged"
+    text = f"Of {len(rows)} printed numbers {counts[Verdict.PASS]} pass, {counts[Verdict.FAIL]} fail"
+    for verdict in (Verdict.UNDECIDED, Verdict.NOT_JUDGED):
+        if counts[verdict]:
+            text += f", {counts[verdict]} {'is' if counts[verdict] == 1 else 'are'} {verdict.value}"
     return text + (f". What fails: {'; '.join(missed)}." if missed else ".")
 
 

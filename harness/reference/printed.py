@@ -157,7 +157,8 @@ def _one_print(
     n = len(by_run)
     spread = float(by_run.std(ddof=1)) if n > 1 else None
     mean = float(by_run.mean()) if n else None
-    low, high = over_packings(mean, None if spread is None else spread / math.sqrt(n), n)
+    error = None if spread is None else spread / math.sqrt(n)
+    low, high = over_packings(mean, error, n)
     tolerance, source = tolerance_for_one_print(floor, spread, n)
     return Printed(
         quantity=quantity,
@@ -167,7 +168,7 @@ def _one_print(
         low=low,
         high=high,
         counted=f"{n} run{'s' if n != 1 else ''}",
-        verdict=judge(mean, printed, tolerance),
+        verdict=judge(mean, printed, tolerance, error),
         why=f"± {number(tolerance, 2)} ({source})",
     )
 
@@ -264,8 +265,9 @@ def _sliding(case: str, analysis: Analysis) -> Printed:
     classes = analysis.classes[(analysis.classes["case"] == case) & (analysis.classes["class"] == "slides first")]
     share, error, n = (classes.iloc[0][name] for name in ("percent", "percent_se", "of"))
     runs = int(analysis.yielding.loc[analysis.yielding["case"] == case, "run"].nunique())
-    low, high = over_packings(float(share), float(error) if np.isfinite(error) else None, runs)
-    tolerance, source = tolerance_for_a_mean(0.0, float(error) if np.isfinite(error) else None)
+    standard_error = float(error) if np.isfinite(error) else None
+    low, high = over_packings(float(share), standard_error, runs)
+    tolerance, source = tolerance_for_a_mean(0.0, standard_error)
     return Printed(
         quantity="buckle by sliding inside the chain",
         unit="%",
@@ -274,6 +276,6 @@ def _sliding(case: str, analysis: Analysis) -> Printed:
         low=None if low is None else max(low, 0.0),
         high=high,
         counted=f"{classes.iloc[0]['segments']} of {n}",
-        verdict=judge(float(share), SLIDING, tolerance, upper_bound=True),
+        verdict=judge(float(share), SLIDING, tolerance, standard_error, upper_bound=True),
         why=f"+ {number(tolerance, 2)} ({source})",
     )

@@ -51,9 +51,9 @@ from yade_scripts.run_folder import write
 FURTHER_DROPS = 500_000  # characters of explorable drops beside the busiest of each case
 VERDICT_WORDS = (
     "A row passes when data and reference differ by no more than the tolerance: two standard errors, or twice the "
-    "spread of packings where the paper prints a single simulation, never less than the stated floor. Standard "
-    "errors are the larger of that over segments and that over runs; n.r.m.s. is the root mean square difference "
-    "over the drop, over the model's mean."
+    "spread of packings where the paper prints a single simulation, never less than the stated floor. It is undecided "
+    "within one standard error of the tolerance. Standard errors are the larger of that over segments and that over "
+    "runs; n.r.m.s. is the root mean square difference over the drop, over the model's mean."
 )
 
 
@@ -231,6 +231,7 @@ def _tally(rows: Sequence[Row], analysis: Analysis) -> list[tuple[int, str, str]
     told = [
         (counts[Verdict.PASS], "rows pass", "good"),
         (counts[Verdict.FAIL], "rows fail", "bad" if counts[Verdict.FAIL] else ""),
+        (counts[Verdict.UNDECIDED], "undecided", ""),
         (counts[Verdict.NOT_JUDGED], "not judged", ""),
         (len(analysis.left_out), "runs left out", "bad"),
     ]
@@ -242,7 +243,7 @@ def _summary(rows: Sequence[Row], analysis: Analysis) -> list[str]:
     failing = Counter(row.quantity for row in rows if row.verdict is Verdict.FAIL)
     many = len(analysis.cases) > 1
     named = [f"{name} ({count} of {len(analysis.cases)} cases)" if many else name for name, count in failing.items()]
-    told = [f"What fails: {'; '.join(named)}."] if named else ["Every judged row passes."]
+    told = [f"What fails: {'; '.join(named)}."] if named else ["Nothing fails."]
     if analysis.left_out:
         told.append(f"Left out: {'; '.join(analysis.left_out.values())}.")
     return told

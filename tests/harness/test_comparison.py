@@ -15,9 +15,10 @@ from forcechain.theory.three_particle import loading
 from harness.analysing.analysis import analyse
 from harness.analysing.buckling_data import Analysis
 from harness.cli import main
+from harness.commands.compare import summary
 from harness.comparing import paper
 from harness.comparing.comparison import calibrated_ratios, compare
-from harness.comparing.verdicts import Row, Verdict, judge, tolerance_for_a_mean, tolerance_for_one_print
+from harness.comparing.verdicts import Row, Verdict, failed, judge, tolerance_for_a_mean, tolerance_for_one_print
 from harness.errors import InputError
 
 
@@ -176,6 +177,51 @@ def test_without_segments_the_rows_on_segments_are_not_judged(found: Analysis) -
 def test_a_number_that_is_none_never_passes(found_value: float) -> None:
     assert judge(found_value, 1.0, 10.0) is Verdict.FAIL
     assert judge(found_value, 1.0, 10.0, upper_bound=True) is Verdict.FAIL
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize(
+    ("distance", "verdict"),
+    [(0.89, Verdict.PASS), (0.91, Verdict.UNDECIDED), (1.09, Verdict.UNDECIDED), (1.11, Verdict.FAIL)],
+)
+def test_within_a_standard_error_of_the_tolerance_it_is_undecided(side: int, distance: float, verdict: Verdict) -> None:
+    assert judge(5 + side * distance, 5.0, 1.0, 0.1) is verdict
+    assert judge(5 + distance, 5.0, 1.0, 0.1, upper_bound=True) is verdict
+    assert judge(5 - distance, 5.0, 1.0, 0.1, upper_bound=True) is Verdict.PASS
+    # What is known exactly, or to no error at all, is decided
+    assert judge(5 + side * distance, 5.0, 1.0, 0.0) is (Verdict.PASS if distance <= 1 else Verdict.FAIL)
+    assert judge(5 + side * distance, 5.0, 1.0) is (Verdict.PASS if distance <= 1 else Verdict.FAIL)
+
+
+def test_every_row_knows_how_near_its_tolerance_it_is(found: Analysis) -> None:
+    """Spread each measure so that its own standard error reaches over its tolerance; the rows then say so."""
+    spread = as_the_paper(found)
+    spread = replace(spread, runs=spread.runs.assign(peak_stress_ratio=[0.8, 0.9, 1.0]))  # tolerance 0.23, error 0.058
+    assert row_of(spread, "peak stress ratio").verdict is Verdict.UNDECIDED
+    by_run = spread.segments["run"].map(dict(zip(spread.runs["run"], (0.0, 1.0, 2.0), strict=True)))
+    model = row_of(spread, "axial force, mean over the drop").model
+    assert model is not None
+    for factor, verdict in ((1.1, Verdict.PASS), (1.6, Verdict.UNDECIDED), (3.5, Verdict.FAIL)):
+        force = model * (factor + 0.4 * (by_run - 1))
+        apart = replace(
+            spread,
+            segments=spread.segments.assign(axial_force_N=force),
+            averages=spread.averages.assign(axial_force_N=model * factor),
+        )
+        assert row_of(apart, "axial force, mean over the drop").verdict is verdict
+    for turn, verdict in ((0.0, Verdict.FAIL), (1.5, Verdict.UNDECIDED), (9.0, Verdict.PASS)):
+        turned = replace(spread, segments=spread.segments.assign(rotation_deg=by_run - 1 + turn))
+        assert row_of(turned, "rotation at the end of the drop, above 0").verdict is verdict
+    share = spread.segments["increment"] / spread.segments["increment"].max()
+    for change, verdict in ((0.0, Verdict.PASS), (1.5, Verdict.UNDECIDED), (9.0, Verdict.FAIL)):
+        moved = spread.segments.assign(lateral_force_N=0.1 + share * (change + by_run - 1))
+        assert row_of(replace(spread, segments=moved), "lateral force, change over the drop").verdict is verdict
+
+
+def test_undecided_is_counted_and_no_failure(found: Analysis) -> None:
+    row = replace(row_of(found, "lateral force, change over the drop"), verdict=Verdict.UNDECIDED)
+    assert failed([row]) == 0
+    assert "1 rows: 0 pass, 0 FAIL, 1 undecided, 0 not judged; undecided: within a standard error" in summary([row])
 
 
 def test_a_reference_that_is_no_number_is_refused() -> None:
