@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -15,6 +16,7 @@ import pytest
 
 from harness import cli
 from harness.reading.exports import read_run, run_folders
+from harness.running.yade_environment import find_yade
 
 pytestmark = pytest.mark.yade
 
@@ -36,6 +38,13 @@ unbalanced_force_bound = 0.5
 """
 
 
+@pytest.fixture
+def yade_command() -> str:
+    found = find_yade()
+    assert found is not None
+    return found.command
+
+
 def listening_ports(pid: int) -> list[str]:
     """Local addresses on which process `pid` listens, as the kernel tells it."""
     sockets = set()
@@ -51,6 +60,12 @@ def listening_ports(pid: int) -> list[str]:
             if fields[3] == "0A" and f"socket:[{fields[9]}]" in sockets:
                 found.append(fields[1])
     return found
+
+
+def runs_loading(folder: Path) -> list[int]:
+    """Processes of the runs that tell that they are loading."""
+    told = [json.loads(path.read_text()) for path in folder.glob("runs/*/progress.json")]
+    return [int(entry["pid"]) for entry in told if entry["stage"] == "loading"]
 
 
 def progress_of(folder: Path) -> dict[str, object]:
@@ -103,3 +118,39 @@ def test_a_small_study_on_the_real_yade(tmp_path: Path, capsys: pytest.CaptureFi
     for first, second in zip(run_folders(results), run_folders(again), strict=True):
         one, other = (json.loads((folder / "run.json").read_text())["products"]["files"] for folder in (first, second))
         assert one == other  # every file, to its last byte
+
+
+MANY = 6
+
+
+@pytest.mark.parametrize("by_command", [False, True])
+def test_many_runs_at_once_never_fight_over_ports(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, yade_command: str, by_command: bool
+) -> None:
+    """Runs started by YADE's Python listen nowhere; those of its command each on ports of their own, logs private."""
+    if by_command:  # a command that does not tell where its Python is
+        wrapper = tmp_path / "yade"
+        wrapper.write_text(f'#!/bin/sh\nexec {yade_command} "$@"\n')
+        wrapper.chmod(0o755)
+        monkeypatch.setenv("YADE_COMMAND", str(wrapper))
+    study, results = tmp_path / "many.toml", tmp_path / "results"
+    many = STUDY.replace("seeds = [1]", f"seeds = {list(range(1, MANY + 1))}").replace("[0.2, 0.02]", "[0.2]")
+    study.write_text(many.replace("jobs = 2", f"jobs = {MANY}").replace("0.004", "0.05"))
+    command = [sys.executable, "-m", "harness", "run", str(study), "--out", str(results)]
+    harness = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    ports: dict[int, list[str]] = {}
+    while harness.poll() is None and len(ports) < MANY:
+        for pid in runs_loading(results):
+            with contextlib.suppress(FileNotFoundError):  # it has just ended
+                ports[pid] = listening_ports(pid)
+        time.sleep(0.02)
+    _, told = harness.communicate(timeout=300)
+    assert harness.returncode == 0, told
+    assert told.count(": done after") == MANY
+    assert len(ports) == MANY
+    opened = [port for of_one in ports.values() for port in of_one]
+    assert len(opened) == len(set(opened))
+    assert bool(opened) == by_command
+    for log in results.glob("runs/*/yade.log"):
+        assert log.stat().st_mode & 0o777 == 0o600
+        assert log.parent.stat().st_mode & 0o777 == 0o700
