@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
@@ -147,7 +147,7 @@ def engines(rules: ContactRules, damping: float) -> list[Any]:
             [
                 # The defaults of this law switch rolling resistance, and the memory of its plasticity, silently off.
                 yade.Law2_ScGeom6D_CohFrictPhys_CohesionMoment(always_use_moment_law=True, useIncrementalForm=True),
-                yade.Law2_ScGeom_FrictPhys_CundallStrack(label="wall_law"),
+                yade.Law2_ScGeom_FrictPhys_CundallStrack(),
             ],
         ),
     ]
@@ -170,20 +170,20 @@ def set_rolling_stiffness(stiffness: float) -> None:
             physics.kr = stiffness
 
 
-def elastic_energy(rules: ContactRules, wall_bodies: Iterable[int]) -> float:
-    """Energy [J] stored in all contacts: normal, tangential and rolling springs. `wall_bodies`: the walls' numbers."""
-    bending = 0.0
-    if rules.bears_moment:
-        # YADE's sum takes every contact for one between discs, and would read what a wall's contact does not have.
-        with _hidden(wall_bodies):
-            bending = yade.O.engines[3].lawDispatcher.functors[0].bendingElastEnergy()
-    return float(wall_law().elasticEnergy() + bending)
+def elastic_energy(rules: ContactRules, at_walls: Sequence[Any]) -> float:
+    """Energy [J] stored in all contacts, in normal, tangential and rolling springs. `at_walls`: those with walls."""
+    law = yade.O.engines[3].lawDispatcher.functors[0]
+    springs = law.normElastEnergy() + law.shearElastEnergy()
+    if not rules.bears_moment:
+        return float(springs)
+    # YADE's sum takes every contact for one between discs, and would read what a wall's contact does not have.
+    with _hidden(at_walls):
+        return float(springs + law.bendingElastEnergy())
 
 
 @contextmanager
-def _hidden(bodies: Iterable[int]) -> Iterator[None]:
+def _hidden(contacts: Sequence[Any]) -> Iterator[None]:
     # Without its physics a contact is none for YADE's sums; the same object is put back.
-    contacts = [contact for body in bodies for contact in yade.O.bodies[body].intrs() if contact.isReal]
     physics = [contact.phys for contact in contacts]
     try:
         for contact in contacts:
@@ -192,8 +192,3 @@ def _hidden(bodies: Iterable[int]) -> Iterator[None]:
     finally:
         for contact, kept in zip(contacts, physics, strict=True):
             contact.phys = kept
-
-
-def wall_law() -> Any:
-    """Contact law of the walls; its energy counts the normal and tangential springs of every contact, discs' too."""
-    return yade.O.engines[3].lawDispatcher.functors[1]

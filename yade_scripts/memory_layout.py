@@ -183,10 +183,12 @@ def contacts(layout: Layout) -> Contacts | None:
     if end - first != 2 * WORD * len(yade.O.interactions):
         return None
     listed = _numbers(np.arange(first, end, 2 * WORD), np.int64)
-    geometry, physics = (_numbers(listed + place, np.int64) for place in (layout.geometry, layout.physics))
-    touching = (geometry != 0) & (physics != 0)
-    ids = _numbers((listed[touching] + layout.ids)[:, None] + np.array((0, 4)), np.int32)
-    return Contacts(ids.astype(np.int64), geometry[touching], physics[touching])
+    physics = _numbers(listed + layout.physics, np.int64)
+    listed, physics = listed[physics != 0], physics[physics != 0]
+    geometry = _numbers(listed + layout.geometry, np.int64)
+    listed, physics, geometry = (one[geometry != 0] for one in (listed, physics, geometry))
+    ids = _numbers((listed + layout.ids)[:, None] + np.array((0, 4)), np.int32)
+    return Contacts(ids.astype(np.int64), geometry, physics)
 
 
 def values(layout: Layout, objects: np.ndarray, attribute: str, part: int = 0) -> np.ndarray:

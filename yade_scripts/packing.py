@@ -144,7 +144,7 @@ def prepare(values: Mapping[str, Any], report: Report = lambda _: None) -> Packi
     facts = {
         "settled": settled,
         "solid_fraction": disc_area / (width * height),
-        "coordination": coordination(box, len(radii)),
+        "coordination": coordination(len(radii), len(walls.contacts(box))),
         "unbalanced_force": float(unbalanced),
         "servo_error": float(error),
         "steps": int(yade.O.iter),
@@ -187,10 +187,9 @@ def wall_mass(disc_mass: float, count: int) -> float:
     return disc_mass * math.sqrt(count) / 4
 
 
-def coordination(box: walls.Walls, count: int) -> float:
-    """Mean number of contacts of a disc; one with another disc counts for both, one with a wall for one."""
-    with_walls = sum(sum(1 for contact in yade.O.bodies[body].intrs() if contact.isReal) for body in box.body.values())
-    return float(2 * yade.O.interactions.countReal() - with_walls) / count
+def coordination(count: int, at_walls: int) -> float:
+    """Mean number of contacts of `count` discs; one with another disc counts for both, one with a wall for one."""
+    return float(2 * yade.O.interactions.countReal() - at_walls) / count
 
 
 def step(count: int) -> None:

@@ -143,6 +143,7 @@ class Bed:
         that on the bottom.
         """
         force = {wall: yade.O.forces.f(body) for wall, body in self.walls.body.items()}
+        at_walls = walls.contacts(self.walls)
         surface = self.surface.mean_height - self.bottom
         pressure = force[walls.PUNCH][1] / self.punch_width
         surcharge = self.values["confining_stress"] * float(self.surface.widths.sum())
@@ -154,10 +155,10 @@ class Bed:
             "lateral_stress": (force[walls.RIGHT][0] - force[walls.LEFT][0]) / (2 * surface),
             "stress_ratio": pressure / self.values["confining_stress"],
             "solid_fraction": self.disc_area / self.area(),
-            "coordination": packing.coordination(self.walls, self.count),
+            "coordination": packing.coordination(self.count, len(at_walls)),
             "unbalanced_force": yade.utils.unbalancedForce(),
             "kinetic_energy": yade.utils.kineticEnergy(),
-            "elastic_energy": materials.elastic_energy(self.rules, self.walls.numbers),
+            "elastic_energy": materials.elastic_energy(self.rules, at_walls),
             "servo_error": servo_error,
             "time": yade.O.time,
             "iteration": yade.O.iter,

@@ -108,6 +108,7 @@ class Sample:
         """One row of the history, with the confining stress's mean error since the row before."""
         width, height = walls.extents(self.walls)
         lateral, axial = walls.stresses(self.walls)
+        at_walls = walls.contacts(self.walls)
         with walls.held(self.walls):
             unbalanced, kinetic = yade.utils.unbalancedForce(), yade.utils.kineticEnergy()
         return {
@@ -117,10 +118,10 @@ class Sample:
             "lateral_stress": lateral,
             "stress_ratio": (axial - lateral) / (axial + lateral),
             "solid_fraction": self.disc_area / (width * height),
-            "coordination": packing.coordination(self.walls, self.count),
+            "coordination": packing.coordination(self.count, len(at_walls)),
             "unbalanced_force": unbalanced,
             "kinetic_energy": kinetic,
-            "elastic_energy": materials.elastic_energy(self.rules, self.walls.numbers),
+            "elastic_energy": materials.elastic_energy(self.rules, at_walls),
             "servo_error": servo_error,
             "time": yade.O.time,
             "iteration": yade.O.iter,

@@ -136,6 +136,11 @@ def held(walls: Walls) -> Iterator[None]:
             state.blockedDOFs = degrees
 
 
+def contacts(walls: Walls) -> list[Any]:
+    """Contacts between discs and walls that bear a force."""
+    return [contact for body in walls.body.values() for contact in yade.O.bodies[body].intrs() if contact.isReal]
+
+
 def stresses(walls: Walls) -> tuple[float, float]:
     """Lateral (x) and axial (y) stress [N/m], compression positive: contact force on a wall over its length."""
     width, height = extents(walls)
