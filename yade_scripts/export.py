@@ -127,7 +127,8 @@ def archive(arrays: Mapping[str, Any]) -> bytes:
             info = zipfile.ZipInfo(f"{name}.npy", ARCHIVE_DATE)
             packed = name.rpartition("_")[2] in REPETITIVE
             info.compress_type = zipfile.ZIP_DEFLATED if packed else zipfile.ZIP_STORED
-            target.writestr(info, _npy_header(values.dtype.str, values.shape) + values.tobytes(), compresslevel=1)
+            content = b"".join((_npy_header(values.dtype.str, values.shape), values.data))
+            target.writestr(info, content, compresslevel=1)
     return buffer.getvalue()
 
 

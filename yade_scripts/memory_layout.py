@@ -49,7 +49,7 @@ class Layout(NamedTuple):
     Attributes:
         container: address of the container of all contacts, near ones that do not touch included.
         begins: in the container, where the list of its contacts begins; the next word is where that ends.
-        ids, geometry, physics: in a contact.
+        ids, geometry, physics: in a contact. (Both ids are one word.)
         attributes: in a contact's geometry and physics and in a body's state, by their names in YADE's interface.
         states: (n,) addresses of the states of bodies 0 to n-1.
     """
@@ -121,7 +121,7 @@ def _learn(count: int, read: Callable[[int, int], bytes]) -> Layout:
     return Layout(
         container=container,
         begins=_place_of_list(read, container, {address_of(contact) for contact, _ in contacts}),
-        ids=_place_in_all(contacts, lambda contact: struct.pack("2i", contact.id1, contact.id2), 4),
+        ids=_place_in_all(contacts, lambda contact: struct.pack("2i", contact.id1, contact.id2)),
         geometry=_place_in_all(contacts, lambda contact: struct.pack("Q", address_of(contact.geom))),
         physics=_place_in_all(contacts, lambda contact: struct.pack("Q", address_of(contact.phys))),
         attributes={
@@ -139,14 +139,14 @@ def _stored(value: Any, length: int) -> bytes:
     return struct.pack(f"{length}d", *((value,) if length == 1 else (value[part] for part in range(length))))
 
 
-def _place_in_all(blocks: Sequence[tuple[Any, bytes]], wanted: Callable[[Any], bytes], step: int = WORD) -> int:
+def _place_in_all(blocks: Sequence[tuple[Any, bytes]], wanted: Callable[[Any], bytes]) -> int:
     """Return the one place at which every object's block has what is wanted of that object.
 
     A block goes on past its object's end, where anything may be, copies of what is looked for among it.
     """
     if not blocks:
         raise LookupError("expected something to look at, found nothing")
-    common = set(range(0, SEARCHED, step))
+    common = set(range(0, SEARCHED, WORD))
     for one, block in blocks:
         pattern = wanted(one)
         common = {place for place in common if block.startswith(pattern, place)}
@@ -187,8 +187,8 @@ def contacts(layout: Layout) -> Contacts | None:
     listed, physics = listed[physics != 0], physics[physics != 0]
     geometry = _numbers(listed + layout.geometry, np.int64)
     listed, physics, geometry = (one[geometry != 0] for one in (listed, physics, geometry))
-    ids = _numbers((listed + layout.ids)[:, None] + np.array((0, 4)), np.int32)
-    return Contacts(ids.astype(np.int64), geometry, physics)
+    pairs = _numbers(listed + layout.ids, np.int64).view(np.int32).reshape(-1, 2)
+    return Contacts(pairs.astype(np.int64), geometry, physics)
 
 
 def values(layout: Layout, objects: np.ndarray, attribute: str, part: int = 0) -> np.ndarray:
