@@ -106,6 +106,12 @@ print(
     f"mean peak stress ratio of the demo: {peaks['demo']:.4f} here, {peaks['other']:.4f} in {release}, "
     f"difference {peaks['other'] - peaks['demo']:+.4f}"
 )
+
+
+def told(row):
+    return row["verdict"] if row["data"] is None else f"{row['verdict']} at {row['data']:.4g}"
+
+
 decided = {"pass", "FAIL"}
 contradicted, same = [], 0
 for key in sorted(verdicts["demo"].keys() | verdicts["other"].keys()):
@@ -113,9 +119,7 @@ for key in sorted(verdicts["demo"].keys() | verdicts["other"].keys()):
     if one["verdict"] == other["verdict"]:
         same += 1
         continue
-    print(
-        f"{' / '.join(key)}: {one['verdict']} here ({one['data']}), {other['verdict']} in {release} ({other['data']})"
-    )
+    print(f"{' / '.join(key)}: {told(one)} here, {told(other)} in {release}")
     if {one["verdict"], other["verdict"]} == decided or "missing" in (one["verdict"], other["verdict"]):
         contradicted.append(key)
 print(
