@@ -1,11 +1,18 @@
-"""Waiting for other processes, for the tests that end them."""
+"""Starting and waiting for other processes, for the tests that end them."""
 
 from __future__ import annotations
 
+import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+
+def heed_signals() -> None:
+    """Undo, in a process just made, that a shell's `&` has Ctrl-C ignored, and `nohup` the end of the terminal."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 def wait_for(condition: Callable[[], Any], seconds: float = 180.0) -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from processes import gone, wait_for
+from processes import gone, heed_signals, wait_for
 
 from harness import cli
 from harness.running import dask_engine
@@ -88,7 +88,7 @@ def start(study: Path, out: Path, cluster: Cluster) -> subprocess.Popen[str]:
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),  # a shell's `&` has it ignored
+        preexec_fn=heed_signals,
     )
 
 

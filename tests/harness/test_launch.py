@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from processes import gone, wait_for
+from processes import gone, heed_signals, wait_for
 
 from harness import cli
 from harness.running import launch
@@ -54,7 +54,7 @@ def start(study: Path) -> subprocess.Popen[str]:
         stderr=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),  # a shell's `&` has it ignored
+        preexec_fn=heed_signals,
     )
 
 

@@ -135,7 +135,7 @@ def test_many_runs_at_once_never_fight_over_ports(
         monkeypatch.setenv("YADE_COMMAND", str(wrapper))
     study, results = tmp_path / "many.toml", tmp_path / "results"
     many = STUDY.replace("seeds = [1]", f"seeds = {list(range(1, MANY + 1))}").replace("[0.2, 0.02]", "[0.2]")
-    study.write_text(many.replace("jobs = 2", f"jobs = {MANY}").replace("0.004", "0.05"))
+    study.write_text(many.replace("jobs = 2", f"jobs = {MANY}").replace("0.004", "0.03"))
     command = [sys.executable, "-m", "harness", "run", str(study), "--out", str(results)]
     harness = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     ports: dict[int, list[str]] = {}

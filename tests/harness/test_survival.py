@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from processes import gone, wait_for
+from processes import gone, heed_signals, wait_for
 
 from harness import cli
 from harness.running.engines import locked
@@ -36,7 +36,7 @@ class Campaign:
 
     def start(self, largest_file: int | None = None) -> None:
         def prepare() -> None:
-            signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's `&` has it ignored
+            heed_signals()
             if largest_file:
                 resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, largest_file))
 
