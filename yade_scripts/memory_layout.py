@@ -6,8 +6,8 @@ tenth of a whole test. It has no call for all contacts. In memory they lie at fi
 Nothing is taken for granted of these places, which differ between releases: each is found by giving objects outside
 the simulation numbers of their own, through YADE's interface, and looking where all of them have theirs; or, for what
 the interface does not let one set, by what the simulation's contacts have. Where a place is not found, or two are,
-there is no layout (None), and tables are read through the interface. `quick_tables` holds what is read here against
-the interface before it relies on it, and against the discs' positions in every snapshot.
+there is no layout (None), and tables are read through the interface. `quick_tables` holds all that is read here against
+the interface before it relies on it, and in every snapshot a sample of it, and the normal forces against the positions.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def learn(count: int) -> Layout | None:
         return None
     try:
         return _learn(count, lambda address, size: os.pread(memory, size, address))
-    except (LookupError, OSError, OverflowError, struct.error):
+    except Exception:  # whatever another release has otherwise, its interface can still be read
         return None
     finally:
         os.close(memory)
@@ -197,8 +197,10 @@ def values(layout: Layout, objects: np.ndarray, attribute: str, part: int = 0) -
 
 
 def _numbers(addresses: np.ndarray, kind: Any) -> np.ndarray:
-    """Numbers of one kind at the given addresses, which are multiples of its size."""
+    """Numbers of one kind at the given addresses, multiples of its size; LookupError for an address that is none."""
     memory = _all_memory(kind)
+    if addresses.size and not (addresses.min() >= LOWEST and addresses.max() < USER_SPACE - WORD):
+        raise LookupError("an address that is none")
     return np.asarray(memory[addresses // memory.itemsize - LOWEST // memory.itemsize])
 
 

@@ -204,6 +204,9 @@ def _growing_rotation(case: str, segments: pd.DataFrame) -> Row:
     growth, error = mean_and_error(ends)
     standard_error = _number(float(error.larger[0]))
     found = float(growth[0])
+    verdict = Verdict.NOT_JUDGED
+    if standard_error is not None:  # no rotation at all is no growth, however well it is known
+        verdict = decide(2 * standard_error - found, standard_error) if found > 0 else Verdict.FAIL
     return Row(
         case=case,
         quantity="rotation at the end of the drop, above 0",
@@ -214,7 +217,7 @@ def _growing_rotation(case: str, segments: pd.DataFrame) -> Row:
         count_of="segments",
         tolerance=2 * standard_error if standard_error is not None else None,
         tolerance_source="" if standard_error is None else "2 s.e.",
-        verdict=Verdict.NOT_JUDGED if standard_error is None else decide(2 * standard_error - found, standard_error),
+        verdict=verdict,
         note="the paper claims growth alone: the model's rotation only begins when the moment yields",
     )
 

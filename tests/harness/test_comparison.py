@@ -151,6 +151,7 @@ def test_lateral_force_that_changes_fails_on_both_sides(found: Analysis) -> None
 def test_rotation_that_does_not_grow_fails(found: Analysis) -> None:
     quantity = "rotation at the end of the drop, above 0"
     assert row_of(found, quantity).verdict is Verdict.PASS
+    assert row_of(replace(found, segments=found.segments.assign(rotation_deg=0.0)), quantity).verdict is Verdict.FAIL
     noise = np.random.default_rng(1).normal(0, 1, len(found.segments))
     assert row_of(replace(found, segments=found.segments.assign(rotation_deg=noise)), quantity).verdict is Verdict.FAIL
 

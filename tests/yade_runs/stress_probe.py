@@ -58,6 +58,16 @@ write("quick", sample.reader)
 layout = memory_layout.learn(sample.count)
 write("other forces", misled(attributes={**layout.attributes, "normalForce": layout.attributes["shearForce"]}))
 write("no list", misled(begins=layout.begins + 8))
+place = layout.attributes
+for name, other in (
+    ("shearForce", "normalForce"),
+    ("moment_bending", "shearForce"),
+    ("angVel", "vel"),
+    ("kn", "ks"),
+    ("penetrationDepth", "normal"),
+):
+    write(f"{name} from {other}", misled(attributes={**place, name: place[other]}))
+write("nowhere", misled(physics=memory_layout.USER_SPACE))
 with mock.patch.object(memory_layout, "values", lambda *given: values_of(*given) * (1 + 1e-15)):
     write("rounded", reader_of_its_own())
 with mock.patch.object(memory_layout, "SEARCHED", 64):
