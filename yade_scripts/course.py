@@ -74,6 +74,7 @@ class Course:
         sampling_s: time spent on samples [s].
         continued: where and when the run went on after a break.
         settling: facts of how the sample came to its start.
+        tables_from: every way in which tables were read, "memory" or "interface".
     """
 
     step: int = -1
@@ -83,6 +84,7 @@ class Course:
     sampling_s: float = 0.0
     continued: list[dict[str, Any]] = dataclasses.field(default_factory=list)
     settling: dict[str, Any] = dataclasses.field(default_factory=dict)
+    tables_from: list[str] = dataclasses.field(default_factory=list)
 
 
 def run(
@@ -140,6 +142,7 @@ def run(
         if stop in snapshots:
             particles, contacts = sample.tables(recorder.rotation)
             recorder.snapshot(sample.axial_strain(), particles, contacts)
+            course.tables_from = sorted({*course.tables_from, sample.reader.way})
             course.escaped = max(course.escaped, sample.escaped(particles))
         if stop == 0:
             sample.load(plan.strain_rate)
@@ -170,7 +173,7 @@ def run(
             "loading_s": time.monotonic() - loading_began,
             "sampling_s": course.sampling_s,
         },
-        tables_from=sample.reader.way,
+        tables_from=course.tables_from,
         preparation={**start.facts, **course.settling, "packing": packing_name},
         validity={
             **loading_figures(recorder.rows[1:]),

@@ -172,6 +172,7 @@ def set_rolling_stiffness(stiffness: float) -> None:
 
 def elastic_energy(rules: ContactRules, at_walls: Sequence[Any]) -> float:
     """Energy [J] stored in all contacts, in normal, tangential and rolling springs. `at_walls`: those with walls."""
+    # These two sums read of a wall's contact only what every contact has, at the same place.
     law = yade.O.engines[3].lawDispatcher.functors[0]
     springs = law.normElastEnergy() + law.shearElastEnergy()
     if not rules.bears_moment:

@@ -151,13 +151,21 @@ def _drops(case: str, analysis: Analysis) -> list[Printed]:
 
 
 def _one_print(
-    quantity: str, unit: str, text: str, printed: float, by_run: FloatArray, floor: float = DROP_FLOOR
+    quantity: str,
+    unit: str,
+    text: str,
+    printed: float,
+    by_run: FloatArray,
+    floor: float = DROP_FLOOR,
+    known: tuple[float, float | None] | None = None,
 ) -> Printed:
-    """Hold a print of one simulation against a value a packing."""
+    """Hold a print of one simulation against a value a packing; `known`: mean and error that are known better."""
     n = len(by_run)
     spread = float(by_run.std(ddof=1)) if n > 1 else None
     mean = float(by_run.mean()) if n else None
     error = None if spread is None else spread / math.sqrt(n)
+    if known is not None:
+        mean, error = known
     low, high = over_packings(mean, error, n)
     tolerance, source = tolerance_for_one_print(floor, spread, n)
     return Printed(
@@ -245,15 +253,16 @@ def class_shares(case: str, analysis: Analysis) -> list[Printed]:
     for words, classes, share in kinds:
         flags = 100.0 * yielding["buckling_class"].isin(classes)
         groups = [np.asarray(values, dtype=np.float64) for _, values in flags.groupby(yielding["run"])]
-        row = _one_print(words, "%", f"{share:.1f}", share, np.array([group.mean() for group in groups]), SHARE_FLOOR)
-        mean, error = mean_and_error([group[None, :] for group in groups])
-        low, high = over_packings(float(mean[0]), float(error.larger[0]), len(groups))
+        mean, larger = mean_and_error([group[None, :] for group in groups])
+        error = float(larger.larger[0])
+        known = float(mean[0]), error if np.isfinite(error) else None
+        by_run = np.array([group.mean() for group in groups])
+        row = _one_print(words, "%", f"{share:.1f}", share, by_run, SHARE_FLOOR, known)
         found.append(
             replace(
                 row,
-                found=float(mean[0]),
-                low=None if low is None else max(low, 0.0),
-                high=None if high is None else min(high, 100.0),
+                low=None if row.low is None else max(row.low, 0.0),
+                high=None if row.high is None else min(row.high, 100.0),
                 counted=f"{int((flags > 0).sum())} of {len(flags)}",
             )
         )

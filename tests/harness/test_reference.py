@@ -61,6 +61,14 @@ def test_shares_pass_near_the_print_and_fail_away_from_it(found: Analysis) -> No
     sliding = with_classes(found, paper.TABLE_1[0.2], rng)
     sliding = replace(sliding, classes=shares_of(sliding.yielding.assign(slides_first=1)))
     assert class_shares(case, sliding)[-1].verdict is Verdict.FAIL
+    for percent, verdict in (
+        (5.5, Verdict.PASS),
+        (6.5, Verdict.UNDECIDED),
+        (7.5, Verdict.UNDECIDED),
+        (8.5, Verdict.FAIL),
+    ):
+        known = replace(sliding, classes=sliding.classes.assign(percent=percent, percent_se=1.0))
+        assert class_shares(case, known)[-1].verdict is verdict
     smooth = replace(found, runs=found.runs.assign(rolling_friction=0.1))
     assert class_shares(case, smooth) == []  # the paper has no such row
 
@@ -80,6 +88,8 @@ def test_drops_are_held_against_the_printed_strains(found: Analysis) -> None:
     assert [row.verdict for row in rows] == [Verdict.PASS] * 4
     late = printed_numbers(case, replace(three, drops=starts.assign(start=starts["start"] + 0.02)), [], {}, {})
     assert [row.verdict for row in late] == [Verdict.PASS, *[Verdict.FAIL] * 3]
+    edge = printed_numbers(case, replace(three, drops=starts.assign(start=starts["start"] + 0.0052)), [], {}, {})
+    assert [row.verdict for row in edge] == [Verdict.PASS, *[Verdict.UNDECIDED] * 3]  # 0.0002 beyond, known to 0.0006
     assert rows[1].found == pytest.approx(0.046)
     assert rows[1].interval_text == "0.0435 to 0.0485"  # 0.001/sqrt(3) times Student's 4.303
 

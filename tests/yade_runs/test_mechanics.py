@@ -79,7 +79,7 @@ def test_stress_agrees_with_yades_own(run_script: RunScript, rough: Path, tmp_pa
     ways = json.loads((tmp_path / "ways.json").read_text())
     assert ways.pop("quick") == "memory"
     assert len(ways) == 11
-    assert manifest_of(rough)["tables_from"] == "memory"
+    assert manifest_of(rough)["tables_from"] == ["memory"]
     assert set(ways.values()) == {"interface"}
     expected = (tmp_path / "quick" / "snapshots" / "000000.npz").read_bytes()
     for name in ways:
